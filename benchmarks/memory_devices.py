@@ -185,9 +185,10 @@ class Noted:
         code: int | None = None,
         coded: Coded | None = None,
         lamp: Mask | None = None,
+        shift: tuple[float, float] = (0.0, 0.0),
     ) -> None:
         """Take the picture."""
-        del coded, lamp  # only the command is looked at
+        del coded, lamp, shift  # only the command is looked at
         display.noted = q, code
 
 
@@ -201,10 +202,11 @@ class Drawn(PatternRenderer):
         code: int | None = None,
         coded: Coded | None = None,
         lamp: Mask | None = None,
+        shift: tuple[float, float] = (0.0, 0.0),
     ) -> None:
         """Draw the picture."""
         display.noted = q, code
-        super().render(display.framebuffer, q, code, coded, lamp)
+        super().render(display.framebuffer, q, code, coded, lamp, shift)
 
 
 class FastClock:

@@ -16,6 +16,7 @@ uniform highp sampler2D exponents;  // of the light, from corner to corner of th
 #endif
 uniform vec2 display_px;
 uniform vec2 first_px;           // camera position of node (0, 0)
+uniform vec2 moved;              // by how much a periodic target is shifted, periods
 uniform float facing;            // sign of det dq/du at rest
 #if STRIPS
 uniform int strip_bits;          // Gray code and check, lowest bit first along the strip
@@ -43,7 +44,7 @@ float shape(vec2 whole, vec2 part, vec2 fade, vec2 lcd_px) {
     float lower = mix(texelFetch(texture_of_noise, ivec2(a.x, b.y), 0).r, texelFetch(texture_of_noise, b, 0).r, t.x);
     return min(fade.x, fade.y) * mix(upper, lower, t.y);
 #else
-    vec2 periods = (mod(whole, PERIOD) + part) / PERIOD;
+    vec2 periods = (mod(whole, PERIOD) + part) / PERIOD + moved;
     vec2 off = abs(periods - round(periods));  // from the middle of the nearest line or square
 #if KIND == CHECKER
     vec2 signs = clamp(2.0 * lcd_px * (0.25 - off), -1.0, 1.0);

@@ -6,7 +6,11 @@ from small_rigs import quarter
 
 from zeromethod import load_rig
 from zeromethod.optics import Dented, Flat, Optics, Sphere
-from zeromethod.rig.model import Layer
+from zeromethod.pattern import Target
+from zeromethod.pattern.stepping import shift_of
+from zeromethod.rig.model import Layer, Noise
+from zeromethod.sensing import ResidualSensor
+from zeromethod.warp.grid import NodeGrid
 
 U, V = np.array([159.5]), np.array([127.5])
 
@@ -215,3 +219,22 @@ def test_layers_are_listed_from_the_rubber_outwards():
     )
     offset = target[0] - point[0]
     assert shift == pytest.approx(np.linalg.norm(np.cross(offset, face.normal)), abs=1e-12)
+
+
+def test_a_target_moves_towards_smaller_u_and_v_first_and_its_phase_is_positive():
+    """T_1(u, v) = T(u + P / 16, v + P / 8): the bright spot goes from (0, 0) to (-1, -2), and reads d > 0."""
+    shift = shift_of(16, 1)
+    assert shift == (1 / 16, 2 / 16)
+    assert shift_of(16, 17)[0] == shift_of(16, 15)[0]  # there and back
+    assert shift_of(16, 9)[1] == shift_of(16, 7)[1]  # at other times
+    grid, target = NodeGrid((64, 64), 16), Target("cosines", 16)
+    v, u = np.mgrid[:64, :64].astype(float)
+    picture = target.light(u + 16 * shift[0], v + 16 * shift[1])
+    row, column = np.unravel_index(np.argmax(picture[24:40, 24:40]), (16, 16))
+    assert (column + 24 - 32, row + 24 - 32) == (-1, -2)
+    sensor = ResidualSensor(grid, "cosines", Noise(), 8)
+    image = np.rint(200 * picture).astype(np.uint8)
+    # grey levels are rounded: 0.02 px
+    assert np.abs(sensor.measure(image).d[grid.inner] - (1.0, 2.0)).max() < 0.02
+    known = np.tile(2 * np.pi * np.array(shift), (*grid.shape, 1))
+    np.testing.assert_allclose(sensor.measure(image, target_rad=known).d[grid.inner], 0.0, atol=0.02)

@@ -6,7 +6,7 @@ held against something that is not itself. The sensing window is taken as perfec
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from zeromethod.devices.protocols import Frame
 from zeromethod.exposure.exposures import Exposures
 from zeromethod.exposure.pairing import PanelTiming
 from zeromethod.loop.circle import Circle, FrameResult, controller_of
+from zeromethod.pattern.stepping import shift_of
 from zeromethod.rig.model import ControlSpec, DisplaySpec
 from zeromethod.sensing.residual import Residual
 from zeromethod.warp.grid import NodeGrid
@@ -56,12 +57,24 @@ def dent(rest: Rest, peak_lcd_px: float, sigma_px: float = 40.0, shift_px: float
 
 
 class PhasorSensor:
-    """Hands on the residual that the bench put in place of an image."""
+    """Hands on the residual that the bench put in place of an image, less a moving target's known phase."""
+
+    expected: np.ndarray
+    """(rows, cols, 2) camera px, from which the order is known as a perfect unwrapper has it."""
 
     def measure(
-        self, image: Residual, guess: np.ndarray | None = None, *, light_share: np.ndarray | None = None
+        self,
+        image: Residual,
+        guess: np.ndarray | None = None,
+        *,
+        light_share: np.ndarray | None = None,
+        target_rad: np.ndarray | None = None,
     ) -> Residual:
-        return image
+        if target_rad is None:
+            return image
+        d = image.d - PERIOD_PX / (2 * np.pi) * target_rad
+        d += PERIOD_PX * np.rint((self.expected - d) / PERIOD_PX)
+        return replace(image, d=np.where(image.flags[..., None] != 0, 0.0, d))
 
     def set_reference(self, residual: Residual | None) -> None:
         pass
@@ -69,7 +82,11 @@ class PhasorSensor:
 
 @dataclass
 class NodeBench:
-    """Free-running camera and panel around a `Circle`; `truth(time_s)` is the displacement from rest."""
+    """Free-running camera and panel around a `Circle`; `truth(time_s)` is the displacement from rest.
+
+    step: of a moving target, as in a rig file; one_way: it never turns back. late_s: by which pictures are
+    lit later than the circle is made to believe.
+    """
 
     rest: Rest
     truth: Callable[[float], np.ndarray]
@@ -81,13 +98,18 @@ class NodeBench:
     camera_latency_s: float = 0.004
     noise: float = SIGMA_PX
     seed: int = 0
+    step: int = 0
+    one_way: bool = False
+    late_s: float = 0.0
 
     def __post_init__(self) -> None:
         self.rng = np.random.default_rng(self.seed)
         exposures = Exposures(self.rest.grid, PanelTiming.of(self.display), "cosines")
         controller = controller_of(self.control, self.rest)
-        self.circle = Circle(self.rest, exposures, PhasorSensor(), controller)
-        self.pictures: list[tuple[float, np.ndarray]] = []
+        self.sensor = PhasorSensor()
+        self.circle = Circle(self.rest, exposures, self.sensor, controller)
+        self.pictures: list[tuple[float, np.ndarray, tuple[float, float]]] = []
+        self.shown = 0
         self.now_s = 0.0
 
     def run(self, frames: int) -> Iterator[FrameResult]:
@@ -112,10 +134,14 @@ class NodeBench:
         refresh = math.floor(self.now_s * self.display.refresh_hz) + 1
         self.now_s = refresh / self.display.refresh_hz
         q = self.circle.controller.commanded
-        self.pictures.append((self.now_s, q.copy()))
+        along = self.shown / self.step if self.one_way else 0.0
+        shift = (along, 2 * along) if self.one_way else shift_of(self.step, self.shown)
+        self.shown += 1
+        self.pictures.append((self.now_s, q.copy(), shift))
         # older ones have faded
         self.pictures = self.pictures[-7:]
-        self.circle.presented(round(1e9 * self.now_s), q, source_ns=self.circle.source_ns)
+        source_ns = self.circle.source_ns
+        self.circle.presented(round(1e9 * self.now_s), q, source_ns=source_ns, shift=shift)
 
     def _weights(self, row: np.ndarray, start_s: float) -> np.ndarray:
         """(pictures, rows, cols): light of each picture in each node, summed over many instants."""
@@ -123,8 +149,8 @@ class NodeBench:
         instants = start_s + self.exposure_s * (np.arange(INSTANTS) + 0.5) / INSTANTS
         rows = np.linspace(0, PANEL[1] - 1, 65)
         scan = rows[::-1] if self.display.scan == "up" else rows
-        delays = self.display.latency_s + scan / (PANEL[1] - 1) / self.display.refresh_hz
-        since = np.array([t for t, _ in self.pictures])[:, None] + delays
+        delays = self.display.latency_s + self.late_s + scan / (PANEL[1] - 1) / self.display.refresh_hz
+        since = np.array([t for t, *_ in self.pictures])[:, None] + delays
         after = np.maximum(instants[:, None, None] - since, 0)
         risen = 1 - np.exp(-after / tau) if tau else 1.0 * (after > 0)
         risen[:, :-1] -= risen[:, 1:]
@@ -137,14 +163,15 @@ class NodeBench:
         phasor = np.zeros_like(true_q, dtype=complex)
         expected = np.zeros_like(true_q)
         lit = 0.0
-        for share, (_, q) in zip(weights, self.pictures, strict=True):
+        for share, (_, q, shift) in zip(weights, self.pictures, strict=True):
             if share.max() > 1e-6:
                 d = _seen_at(self.rest, q, true_q)
-                phasor += share[..., None] * np.exp(2j * np.pi * d / PERIOD_PX)
+                phasor += share[..., None] * np.exp(2j * np.pi * (d / PERIOD_PX + shift))
                 expected += share[..., None] * d
                 lit = lit + share
         turns = np.angle(phasor) / (2 * np.pi)
         d = PERIOD_PX * (turns + np.rint(expected / PERIOD_PX - turns))
+        self.sensor.expected = expected
         d = d + self.noise * self.rng.standard_normal(d.shape)
         flags = np.full(grid.shape, Flag.OUTSIDE, np.uint16)
         flags[grid.inner] = np.where(np.isfinite(d[grid.inner]).all(axis=-1), 0, Flag.MODULATION)

@@ -187,3 +187,19 @@ def test_a_lamp_is_white_around_its_nodes_and_changes_nothing_beyond_them(gl_con
     # asked for again without one, the picture is as before
     assert (renderer.image(q) == dark).all()
     assert (renderer.image(q, lamp=np.zeros(U.shape, bool)) == dark).all()
+
+
+@pytest.mark.parametrize("kind", ["cosines", "checker", "lattice"])
+def test_a_shift_shows_the_target_that_lies_so_many_periods_further(gl_context, kind):
+    target, shift = Target(kind), (5 / 16, 1.4)
+    q = np.stack([U + 40, V + 30], axis=-1)
+    renderer = PatternRenderer(gl_context, GRID, q, SIZE, target, RESPONSE)
+    picture, still = renderer.image(q, shift=shift).astype(float), renderer.image(q)
+    u, v = COL - 40, ROW - 30
+    inside = (u > U[0, 1]) & (u < U[0, -2]) & (v > V[1, 0]) & (v < V[-2, 0])
+    wanted = target.light(u + shift[0] * target.period_px, v + shift[1] * target.period_px, lcd_px=(16, 16))
+    error = np.abs(picture - _codes(wanted))[inside]
+    assert (error == 0).mean() > 0.999
+    assert error.max() <= 1
+    assert np.array_equal(renderer.image(q), still)
+    assert not np.array_equal(picture, still)

@@ -174,3 +174,15 @@ def test_wrong_image_is_refused_in_one_line(sensor):
     ):
         with pytest.raises(InputError, match=words):
             ResidualSensor(grid, kind, QUIET, 8)
+
+
+@pytest.mark.parametrize(("kind", "light"), [("cosines", cosines), ("checker", checker)])
+def test_a_known_phase_of_the_target_is_no_displacement(kind, light):
+    sensor = ResidualSensor(GRID, kind, QUIET, 16, light=light)
+    u, v = 0.31 * PERIOD, -0.47 * PERIOD
+    turns = 2 * np.pi / PERIOD * np.array((u, v) if kind == "cosines" else (u + v, u - v))
+    known = np.tile(turns, (*GRID.shape, 1))
+    found = sensor.measure(exposed(observed_periodic(light, 0.8 + u, 1.1 + v)), target_rad=known)
+    # of hard edges as above
+    assert np.abs(found.d[INNER] - (0.8, 1.1)).max() < (1e-4 if kind == "cosines" else 0.013)
+    assert found.flags[INNER].max() == 0

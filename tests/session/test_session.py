@@ -17,6 +17,7 @@ from zeromethod.devices.protocols import CameraLost
 from zeromethod.exposure.delay import DelayEstimator
 from zeromethod.exposure.strip_matching import Match
 from zeromethod.loop.state import LOCK_FRAMES, NULLED
+from zeromethod.session.delay_note import DelayNote
 
 LIVE = ("read surface", "present", "capture", "draw")
 
@@ -39,17 +40,17 @@ def session() -> Iterator[zm.Session]:
 @pytest.mark.parametrize(
     ("scatter_ms", "words"), [(0.5, "delay 20.0 ms"), (30.0, "not steady: it scatters by")]
 )
-def test_the_delay_is_told_once_and_only_when_its_scatter_is_known(session, scatter_ms, words):
+def test_the_delay_is_noted_once_and_only_when_its_scatter_is_known(session, scatter_ms, words):
     estimator = DelayEstimator(0.0, 16.7e6)
     loop = SimpleNamespace(delay=SimpleNamespace(estimator=estimator), horizon_s=0.03)
     said: list[str] = []
+    note = DelayNote(session.rig, loop, session.result)
     for number in range(60):
         # the first frames agree by chance
         off_ms = 0.0 if number < 5 else scatter_ms * (-1) ** number
         delay_ns = 1e6 * (20.0 + off_ms)
         estimator.note(Match(True, best_ns=delay_ns, low_ns=delay_ns, high_ns=delay_ns, blur_ns=0.0))
-        part = SimpleNamespace(loop=loop, rig=session.rig, result=session.result, _unsteady=bool(said))
-        notes = zm.Session._delay_note(part)
+        notes = note.take()
         assert not (notes and number < 20)
         said += notes
     assert len(said) == 1

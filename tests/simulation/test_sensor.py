@@ -42,3 +42,20 @@ def test_noise_depends_on_seed_and_frame_number_alone(make_rig):
     assert np.array_equal(seventh, sensor.image(light, 7))
     assert np.array_equal(seventh, Sensor(rig).image(light, 7))
     assert not np.array_equal(seventh, Sensor(other).image(light, 7))
+
+
+def test_the_fixed_pattern_is_each_pixels_own_gain_and_black_level_in_every_frame(make_rig):
+    pattern = {"pixel_gain": 0.01, "pixel_offset_grey": 1.0}
+    rig = make_rig(camera={"bits": 16, "noise": QUIET}, simulation={"nuisances": pattern})
+    shape = rig.camera.rows, rig.camera.columns
+    sensor = Sensor(rig)
+    dark, half = (sensor.image(np.full(shape, level, np.float32), 0).astype(float) for level in (1e-3, 0.5))
+    assert np.array_equal(half, Sensor(rig).image(np.full(shape, 0.5, np.float32), 9))
+    # standard deviations to 1 / sqrt(2 pixels), correlations to 1 / sqrt(pixels): 4 sigma
+    near = 4 / np.sqrt(half.size)
+    gain = (half - dark) / (half - dark).mean() - 1
+    assert gain.std() == pytest.approx(0.01, rel=near)
+    assert np.mean(gain[1:] * gain[:-1]) == pytest.approx(0.0, abs=1e-4 * near)
+    # black level, the gain of a thousandth of the light, and rounding
+    own = np.sqrt(1.0 + (1e-5 * 0.8 * 65535) ** 2 + 1 / 12)
+    assert dark.std() == pytest.approx(own, rel=near)

@@ -1,7 +1,8 @@
 """The picture that the camera sees in the null, as frames without contact show it.
 
 In the null the camera sees the target whatever presses, so that one picture per pixel serves every press;
-what is dark or flat in it for good (dust, scratches, bubbles) is known from it, too.
+what is dark or flat in it for good (dust, scratches, bubbles) is known from it, too. A moving target evens
+out in the mean of frames, so that what is flat is then judged in each of them.
 """
 
 from __future__ import annotations
@@ -38,6 +39,7 @@ class RestPicture:
         self._periodic = rig.target.kind != "noise"
         self._frames = 0
         self._sum: Single | None = np.zeros(grid.image_shape, np.float32)
+        self._square: Single | None = np.zeros(grid.image_shape, np.float32) if rig.target.step else None
         self._amplitude = np.zeros((*grid.shape, 2))
         self._light = np.zeros(grid.shape)
         self._seen: Mask = np.zeros(grid.shape, np.bool_)
@@ -56,27 +58,35 @@ class RestPicture:
         if self._sum is None:
             return
         cv2.accumulate(image if image.dtype == np.uint8 else image.astype(np.float32), self._sum)
+        if self._square is not None:
+            self._square += local_deviation(image.astype(np.float32))[1] ** 2
         self._amplitude += np.where(residual.valid[..., None], residual.modulation, 0.0)
         self._light += np.where(residual.valid, residual.mean - self._black, 0.0)
         self._frames += 1
         if self.known:
-            self._finish((self._sum / self._frames - self._black).astype(np.float32))
-            self._sum = None
+            picture = (self._sum / self._frames - self._black).astype(np.float32)
+            if self._square is None:
+                self._finish(picture, local_deviation(picture)[1], picture)
+            else:
+                last = (image - np.float32(self._black)).astype(np.float32)
+                self._finish(picture, np.sqrt(self._square / self._frames), last)
+            self._sum = self._square = None
 
-    def _finish(self, picture: Single) -> None:
+    def _finish(self, picture: Single, deviation: Single, single: Single) -> None:
+        """picture: the mean. deviation: over 7 x 7 px. single: a picture that shows the target."""
         self._amplitude /= self._frames
         self._light /= self._frames
         self._seen = np.asarray((self._amplitude > 0).all(axis=-1))
         side = 2 * self._period
         # two passes: the mean of a picture with a hole is not the hole's
         mean = np.maximum(cv2.boxFilter(picture, -1, (side, side)), 1e-3)
-        flat = local_deviation(picture)[1] < _FLAT_SHARE * mean
+        flat = deviation < _FLAT_SHARE * mean
         if self._periodic:
             flat |= _unlike(picture, mean, self._period)
         dark = cv2.boxFilter(picture, -1, (self._period, self._period)) < _DARK_SHARE * mean
         self.static = flat | dark
         self.mean = mean
-        share = (picture / mean)[~self.static]
+        share = (single / mean)[~self.static]
         counts = np.histogram(share, bins=BINS, range=(0.0, 2.4))[0]
         self.shares = counts / max(counts.sum(), 1)
 

@@ -9,6 +9,10 @@ and the sensor's residual is d + b, b = arg(sum_i w_i exp(i k s_i)) / k. The sum
 share of the carrier's amplitude that is left. b is third order in the spread (the weighted mean of s_i is
 zero to first order), so a mix of similar pictures acts as the mix of their warps.
 
+Where the target itself moves (`zeromethod.pattern.stepping`) picture i shows it with a phase t_i that is
+known exactly. It is no displacement: the phasors are w_i exp(i (k s_i + t_i)), and b is what their sum's
+argument differs by from that of sum_i w_i exp(i t_i), the target's own phase in that exposure.
+
 Neglected, as second order: that s_i changes within the sensing window (a picture whose carrier is stretched
 by 10 % weighs 1 % less in the window's sum), and that the mirror moves while the weights change.
 """
@@ -47,6 +51,9 @@ SAME_LCD_PX = 1 / 16
 
 NO_BIAS_PX = 2e-3
 """Bias, a fifth of the noise, below which it is not interpolated at (u, v) + d."""
+
+NEAR_PX = 0.05
+"""Residual near which a moving target's phase, a period over the whole panel at most, is the node's own."""
 
 _FAST = {"contract", "reassoc", "nsz", "arcp"}
 
@@ -188,6 +195,17 @@ def _sum_phasors(phase: Float, share: Float, heaviest: Float, total: Float, bias
 
 
 @numba.njit(cache=True, fastmath=_FAST)
+def _less_target(target: Float, c: int, place: Float, last: int, angle: Float) -> None:
+    """Take the target's own phase along carrier c, (n, 2) at n panel rows, out of a node row's angles."""
+    turn = 2 * math.pi
+    for i in range(angle.size):
+        n = min(int(place[i]), last - 1)
+        t = place[i] - n
+        apart = angle[i] - ((1.0 - t) * target[n, c] + t * target[n + 1, c])
+        angle[i] = apart - turn * np.rint(apart / turn)
+
+
+@numba.njit(cache=True, fastmath=_FAST)
 def _carrier_mixture(
     warps: Float,
     slots: Ints,
@@ -197,11 +215,13 @@ def _carrier_mixture(
     per_px: float,
     wavenumber: float,
     diagonal: bool,
+    turns: Float,
+    target: Float,
     bias: Float,
     mixed: Mask,
 ) -> None:
     rows, cols = q.shape[0], q.shape[1]
-    count = slots.size
+    count, last = slots.size, weights.shape[0] - 1
     s, phase = np.empty((count, 2, cols)), np.empty((count, cols))
     share, heaviest, total = np.empty((count, cols)), np.empty(cols), np.empty((5, cols))
     angle, left = np.empty((2, cols)), np.empty(cols)
@@ -217,8 +237,10 @@ def _carrier_mixture(
             for p in range(count):
                 for i in range(cols):
                     along = s[p, 0, i] + sign * s[p, 1, i] if diagonal else s[p, c, i]
-                    phase[p, i] = wavenumber * along
+                    phase[p, i] = wavenumber * along + turns[p, c]
             _sum_phasors(phase, share, heaviest, total, angle[c], left)
+            if target.shape[0] > 0:
+                _less_target(target, c, place[j], last, angle[c])
         scale, most = 1.0 / wavenumber, LARGEST_BIAS_PERIODS * 2 * math.pi / wavenumber
         for i in range(cols):
             a, b = scale * angle[0, i], scale * angle[1, i]
@@ -262,13 +284,15 @@ def mixture(
     spacing_px: float,
     period_px: float,
     kind: str,
+    moving: tuple[Float, Float] | None = None,
 ) -> Mixture:
     """Effect of mixing the pictures `warps[slots]` on the residual against their mix `q`.
 
     warps: (any, rows, cols, 2) LCD px. weights: (n, k) share of each at n panel rows. place: (rows, cols)
     where among these each node of the mix looks, 0..n - 1. q: (rows, cols, 2) LCD px. kind: the target's;
     cosines and lattice have carriers along u and v, checker along u + v and u - v. Noise has no carrier:
-    no bias, and mixed where the spread exceeds 1/8 period.
+    no bias, and mixed where the spread exceeds 1/8 period. moving: of a moving target, (k, 2) rad, its phase
+    along the two carriers in each picture, and (n, 2) in the mix at the n panel rows.
 
     Convention: residual d as observed(u, v) = T((u, v) + d), camera px.
     """
@@ -279,18 +303,26 @@ def mixture(
         return Mixture(mixed, None)
     bias = np.empty_like(q)
     wavenumber = 2 * math.pi / period_px
-    diagonal = kind == "checker"
-    _carrier_mixture(warps, slots, weights, place, q, 1 / spacing_px, wavenumber, diagonal, bias, mixed)
+    turns, target = moving or (np.zeros((slots.size, 2)), np.zeros((0, 2)))
+    carriers = wavenumber, kind == "checker", turns, target
+    _carrier_mixture(warps, slots, weights, place, q, 1 / spacing_px, *carriers, bias, mixed)
     return Mixture(mixed, bias)
 
 
 @numba.njit(cache=True)
-def _unmix(d: Float, bias: Float, per_px: float, out: Float) -> None:
+def _unmix(d: Float, bias: Float, base: Float, per_px: float, out: Float) -> None:
     rows, cols = d.shape[0], d.shape[1]
     for j in range(rows):
         for i in range(cols):
+            ou, ov = 0.0, 0.0
             bu, bv = bias[j, i, 0], bias[j, i, 1]
-            for _ in range(3 if abs(bu) + abs(bv) > NO_BIAS_PX else 0):
+            steps = 3 if abs(bu) + abs(bv) > NO_BIAS_PX else 0
+            if base.shape[0] > 0:
+                ou, ov = base[j, i, 0], base[j, i, 1]
+                bu, bv = bu - ou, bv - ov
+                near = abs(d[j, i, 0]) + abs(d[j, i, 1]) <= NEAR_PX
+                steps = 0 if near and abs(bu) + abs(bv) <= NO_BIAS_PX else 3
+            for _ in range(steps):
                 x = i + per_px * (d[j, i, 0] - bu)
                 y = j + per_px * (d[j, i, 1] - bv)
                 # positions outside the grid are clipped to its edge, NaN to node 0
@@ -299,9 +331,9 @@ def _unmix(d: Float, bias: Float, per_px: float, out: Float) -> None:
                 m, n = int(x), int(y)
                 s, t = x - m, y - n
                 w00, w01, w10, w11 = (1 - s) * (1 - t), s * (1 - t), (1 - s) * t, s * t
-                u = w00 * bias[n, m, 0] + w01 * bias[n, m + 1, 0]
+                u = w00 * bias[n, m, 0] + w01 * bias[n, m + 1, 0] - ou
                 u += w10 * bias[n + 1, m, 0] + w11 * bias[n + 1, m + 1, 0]
-                v = w00 * bias[n, m, 1] + w01 * bias[n, m + 1, 1]
+                v = w00 * bias[n, m, 1] + w01 * bias[n, m + 1, 1] - ov
                 v += w10 * bias[n + 1, m, 1] + w11 * bias[n + 1, m + 1, 1]
                 settled = abs(u - bu) + abs(v - bv) < 1e-3
                 bu, bv = u, v
@@ -311,11 +343,19 @@ def _unmix(d: Float, bias: Float, per_px: float, out: Float) -> None:
             out[j, i, 1] = d[j, i, 1] - bv
 
 
-def unmix(d: Float, bias_px: Float, spacing_px: float) -> Float:
+_STILL = np.zeros((0, 0, 2))
+
+
+def unmix(d: Float, bias_px: Float, spacing_px: float, target_px: Float | None = None) -> Float:
     """Residual against the mix from the sensor's, (rows, cols, 2) camera px: d - b((u, v) + d).
 
     At most three steps of fixed-point iteration, b linear between nodes; a negligible bias is the node's own.
+    target_px: (rows, cols, 2) camera px, displacement of a moving target at each node (u, v), which the
+    sensor has taken out of d there; the one at (u, v) + d is what belongs to it.
     """
     out = np.empty_like(d)
-    _unmix(d, bias_px, 1 / spacing_px, out)
+    if target_px is None:
+        _unmix(d, bias_px, _STILL, 1 / spacing_px, out)
+    else:
+        _unmix(d, bias_px + target_px, target_px, 1 / spacing_px, out)
     return out

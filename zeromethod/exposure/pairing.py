@@ -9,6 +9,7 @@ a rise from 10 to 90 %. Light is linear in the pictures, so picture k weighs H_k
 
 Near null the carrier's phase is linear in the warp, so a mix of pictures acts as the mix of their warps
 with the same weights. `zeromethod.exposure.mixture` computes the remaining error and where it is too large.
+What a moving target adds is no displacement: its phase in each frame is known (`exposure.target_phase`).
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from zeromethod.arrays import Float, Ints
 from zeromethod.devices.protocols import Frame
 from zeromethod.exposure.mixture import Mixture, mixture
 from zeromethod.exposure.presentation_log import PresentationLog
+from zeromethod.exposure.target_phase import TargetPhase, carrier_turns
 from zeromethod.rig.model import DisplaySpec
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.warp import Role, Warp
@@ -78,7 +80,8 @@ class Observation:
     residual; None when one warp was lit alone. entries: (k,) presentation times, ns. weights: (k, n) share of
     each at n panel rows, equally spaced in scan-out order, adding up to 1 in each. age_ns: (n,) from
     mid-exposure of the frames by which the pictures were drawn to that of this one, weighted likewise; None
-    where a picture was drawn by none.
+    where a picture was drawn by none. target: known phase of a moving target; None where all pictures show it
+    where it stands in the rig file.
     """
 
     frame: Frame
@@ -87,6 +90,7 @@ class Observation:
     entries: Ints
     weights: Float
     age_ns: Float | None
+    target: TargetPhase | None = None
 
 
 def lit_share(start_ns: float | Float, end_ns: float | Float, change_ns: Float, tau_ns: float) -> Float:
@@ -100,22 +104,47 @@ def lit_share(start_ns: float | Float, end_ns: float | Float, change_ns: Float, 
     return share
 
 
+def lit_share_per_s(start_ns: float, end_ns: float, change_ns: Float, tau_ns: float) -> Float:
+    """Change of `lit_share` per second by which the pixel starts to change later."""
+
+    def risen(at_ns: float) -> Float:
+        if tau_ns == 0:
+            return np.asarray((at_ns >= change_ns) * 1.0)
+        return np.asarray(-np.expm1(-np.maximum(at_ns - change_ns, 0) / tau_ns))
+
+    return np.asarray(-1e9 * (risen(end_ns) - risen(start_ns)) / (end_ns - start_ns))
+
+
 def entry_weights(times_ns: Ints, complete: bool, frame: Frame, timing: PanelTiming) -> tuple[Float, Float]:
     """Weight of every presentation in the exposure of `frame` at `TABLE_ROWS` rows, in scan-out order.
 
     Returns ((k, n) weights, (n,) share of light from before the first entry). The share is 0 when older
     entries are no longer in the log (`complete` False): the oldest entry then stands for them.
     """
-    start = -0.5 * frame.exposure_ns
-    # Relative to mid-exposure, as nanoseconds since boot need more digits than a double has to spare.
-    changes = ((times_ns - frame.time_ns) + timing.latency_ns)[:, None] + timing.scanout_ns * _SCAN
-    lit = lit_share(start, -start, changes, timing.tau_ns)
+    half = 0.5 * frame.exposure_ns
+    lit = lit_share(-half, half, _changes_ns(times_ns, frame, timing), timing.tau_ns)
     dark = 1 - lit[0]
     if not complete:
         lit[0] = 1.0
         dark = np.zeros(TABLE_ROWS)
     lit[:-1] -= lit[1:]
     return lit, dark
+
+
+def late_weights_per_s(times_ns: Ints, complete: bool, frame: Frame, timing: PanelTiming) -> Float:
+    """(k, n) change of `entry_weights` per second by which all was lit later than `timing` says."""
+    half = 0.5 * frame.exposure_ns
+    rates = lit_share_per_s(-half, half, _changes_ns(times_ns, frame, timing), timing.tau_ns)
+    if not complete:
+        rates[0] = 0.0
+    rates[:-1] -= rates[1:]
+    return rates
+
+
+def _changes_ns(times_ns: Ints, frame: Frame, timing: PanelTiming) -> Float:
+    """(k, n) when the rows start to change, from mid-exposure on."""
+    # Relative to mid-exposure, as nanoseconds since boot need more digits than a double has to spare.
+    return ((times_ns - frame.time_ns) + timing.latency_ns)[:, None] + timing.scanout_ns * _SCAN
 
 
 @numba.njit(cache=True, fastmath={"contract", "reassoc"})
@@ -187,18 +216,31 @@ def pair(
     weights /= weights.sum(axis=0)
     index = first + kept
     age_ns = _age_ns(log, index, weights, frame.time_ns)
+    diagonal = kind == "checker"
+    turns = carrier_turns(log.shifts(index), diagonal)
+
+    def target(shown_q: Float) -> TargetPhase | None:
+        if not turns.any():
+            return None
+        late = late_weights_per_s(times[first:stop], not alone, frame, timing)[kept]
+        panel = timing.rows, timing.upwards
+        return TargetPhase.of(turns, diagonal, weights, late, panel, shown_q[..., 1])
+
     if len(kept) == 1:
         shown = Warp.drawn(log.warp(int(index[0])), Role.SHOWN, frame.time_ns)
-        return Observation(frame, shown, None, times[index], weights, age_ns)
+        return Observation(frame, shown, None, times[index], weights, age_ns, target(shown.q))
     q = np.empty_like(look_q)
     place = np.empty(q.shape[:2])
     per_row = (TABLE_ROWS - 1) / (timing.rows - 1)
     slots = log.slots(index)
     table = np.ascontiguousarray(weights.T)
     _mix(log.buffer, slots, table, look_q, per_row, timing.upwards, q, place)
-    mixing = mixture(log.buffer, slots, table, place, q, grid.spacing_px, grid.period_px, kind)
+    known = target(q)
+    moving = None if known is None else (turns, known.rad)
+    size = grid.spacing_px, grid.period_px
+    mixing = mixture(log.buffer, slots, table, place, q, *size, kind, moving)
     shown = Warp.drawn(q, Role.SHOWN, frame.time_ns)
-    return Observation(frame, shown, mixing, times[index], weights, age_ns)
+    return Observation(frame, shown, mixing, times[index], weights, age_ns, known)
 
 
 def _age_ns(log: PresentationLog, index: Ints, weights: Float, time_ns: int) -> Float | None:

@@ -14,7 +14,8 @@ class PresentationLog:
 
     An entry is the presentation time in ns (see `DisplaySpec`: the panel's first row starts to change
     `latency_s` later), the warp drawn, (rows, cols, 2) LCD px, the mid-exposure of the newest frame that the
-    warp was made from (None without one), and the code of the strips drawn with it (None without).
+    warp was made from (None without one), the code of the strips drawn with it (None without), and the
+    target's shift along u and v, periods (`zeromethod.pattern.stepping`).
     """
 
     def __init__(self, shape: tuple[int, int], capacity: int = CAPACITY) -> None:
@@ -22,6 +23,7 @@ class PresentationLog:
         self._warps = np.zeros((capacity, *shape, 2))
         self._source_ns: list[int | None] = [None] * capacity
         self._codes = np.full(capacity, -1, dtype=np.int64)
+        self._shifts = np.zeros((capacity, 2))
         self._count = 0
 
     def __len__(self) -> int:
@@ -32,10 +34,17 @@ class PresentationLog:
         """Whether nothing has been overwritten yet: the oldest entry is the first picture of the run."""
         return self._count <= len(self._times_ns)
 
-    def record(self, time_ns: int, q: Float, source_ns: int | None = None, code: int | None = None) -> None:
+    def record(
+        self,
+        time_ns: int,
+        q: Float,
+        source_ns: int | None = None,
+        code: int | None = None,
+        shift: tuple[float, float] = (0.0, 0.0),
+    ) -> None:
         """Add that `q` (copied), made from a frame of `source_ns`, was presented at `time_ns` with `code`.
 
-        ValueError when `time_ns` is before the last entry's.
+        shift: of the target, periods. ValueError when `time_ns` is before the last entry's.
         """
         newest_ns = int(self._times_ns[(self._count - 1) % len(self._times_ns)])
         if self._count and time_ns < newest_ns:
@@ -45,6 +54,7 @@ class PresentationLog:
         self._warps[slot] = q
         self._source_ns[slot] = source_ns
         self._codes[slot] = -1 if code is None else code
+        self._shifts[slot] = shift
         self._count += 1
 
     @property
@@ -63,6 +73,10 @@ class PresentationLog:
     def codes(self) -> Ints:
         """(len,) codes, oldest first; -1 for none."""
         return self._codes[self.slots(np.arange(len(self)))]
+
+    def shifts(self, index: Ints) -> Float:
+        """(k, 2) shifts of the target, periods along u and v, of entries counted from the oldest."""
+        return self._shifts[self.slots(index)]
 
     def warp(self, index: int) -> Float:
         """Warp (rows, cols, 2) of the entry counted from the oldest; a view, valid until overwritten."""

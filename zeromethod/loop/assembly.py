@@ -15,10 +15,12 @@ from zeromethod.loop.burst import Burst
 from zeromethod.loop.circle import Circle, Sensor, controller_of
 from zeromethod.loop.order_check import OrderCheck
 from zeromethod.loop.panel_blur import PanelBlur
+from zeromethod.loop.unsteady_nodes import UnsteadyNodes
 from zeromethod.optics import Optics
 from zeromethod.pattern import Target
+from zeromethod.pattern.stepping import shift_of
 from zeromethod.pattern.strips import Strips
-from zeromethod.rig.model import CameraSpec, Rig
+from zeromethod.rig.model import Rig
 from zeromethod.sensing.sensor import ResidualSensor
 from zeromethod.surface.expected_light import ExpectedLight
 from zeromethod.warp.rest import Rest
@@ -71,9 +73,10 @@ def make_circle(
         blur = PanelBlur(rig, rest.grid)
         expected = light if light.needed else None
         order, coded = order_check(rig, rest), burst(rig, rest)
-        return Circle(rest, exposures, sensor, controller, black_grey, expected, blur, order, coded)
+        unsteady = UnsteadyNodes(rest.grid.shape) if rig.target.step else None
+        return Circle(rest, exposures, sensor, controller, black_grey, expected, blur, order, coded, unsteady)
 
-    warm_up(circle(), target, rig.camera)
+    warm_up(circle(), target, rig)
     return CircleParts(rest, strips, circle())
 
 
@@ -96,18 +99,21 @@ def burst(rig: Rig, rest: Rest) -> Burst | None:
     return Burst(rest, rig.camera.noise.black_grey, always=rig.control.burst == "always")
 
 
-def warm_up(circle: Circle, target: Target, camera: CameraSpec) -> None:
+def warm_up(circle: Circle, target: Target, rig: Rig) -> None:
     """Send made-up frames round a circle of its own, which is of no use afterwards.
 
     They show the target drifting along u while every exposure spans two presentations, so that all steps of
     the circle run, those of a moving mirror too.
     """
+    camera = rig.camera
     u, v = np.meshgrid(np.arange(camera.columns), np.arange(camera.rows))
     grey = np.rint(0.8 * (2**camera.bits - 1) * target.light(u, v))
     image = grey.astype(np.uint8 if camera.bits == 8 else np.uint16)
     frame_ns, exposure_ns = round(1e9 / camera.rate_hz), round(1e9 * camera.exposure_s)
     for number in range(_FRAMES):
         time_ns = number * frame_ns
-        circle.presented(time_ns - exposure_ns // 4, circle.controller.commanded, source_ns=circle.source_ns)
+        shown_ns, q = time_ns - exposure_ns // 4, circle.controller.commanded
+        shift = shift_of(rig.target.step, number)
+        circle.presented(shown_ns, q, source_ns=circle.source_ns, shift=shift)
         drifting = np.ascontiguousarray(np.roll(image, _STEP_PX * number, axis=1))
         circle.take(Frame(drifting, time_ns, exposure_ns, number))

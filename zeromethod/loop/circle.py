@@ -29,6 +29,7 @@ from zeromethod.loop.light_quality import LightWatch
 from zeromethod.loop.measured_warp import Known, expect, measure_warp, unmixed
 from zeromethod.loop.order_check import Order, OrderCheck
 from zeromethod.loop.panel_blur import PanelBlur
+from zeromethod.loop.unsteady_nodes import UnsteadyNodes
 from zeromethod.pattern.coded import Coded
 from zeromethod.rig.model import ControlSpec
 from zeromethod.sensing.residual import Residual
@@ -59,11 +60,17 @@ class Sensor(Protocol):
     """What turns an image into the residual."""
 
     def measure(
-        self, image: Image, guess: Float | None = None, *, light_share: Single | None = None
+        self,
+        image: Image,
+        guess: Float | None = None,
+        *,
+        light_share: Single | None = None,
+        target_rad: Float | None = None,
     ) -> Residual:
         """Residual of a (rows, cols) image; guess: (rows, cols, 2) px expected, NaN = none.
 
         light_share: (rows, cols) of the image, light expected over that at rest; None = as at rest.
+        target_rad: (rows, cols, 2) known phase of the target along its two carriers; None = 0.
         """
 
     def set_reference(self, residual: Residual | None) -> None:
@@ -78,8 +85,8 @@ class FrameResult:
     where the frame could not be paired or is dark. residual_rms_px: rms length of the residual over valid
     nodes. valid_share, covered_share: those valid, and those without light, of the nodes visible at rest.
     order: whether it is known which period of the carrier is seen, is being told, or could not be. coded: the
-    frame may have seen coded pictures in places. unread: a burst is under way for nodes that none has
-    read.
+    frame may have seen coded pictures in places. unread: nodes that no burst has read wait for one, or one
+    is under way for them.
     """
 
     changed: bool = False
@@ -102,6 +109,14 @@ class FrameResult:
         """
         mixed = self.refusal is Event.PICTURES_MIXED
         return None if mixed or self.order is not Order.KNOWN else self.measured
+
+
+def from_zero(result: FrameResult, zero: Float | None) -> Warp | None:
+    """The warp that may be believed less a zero (rows, cols, 2), LCD px, with what was left to null."""
+    measured = result.believed
+    if measured is None or result.observation is None or result.residual is None:
+        return None
+    return measured.less(zero).with_left(result.observation.shown.q, zero, result.residual.valid)
 
 
 def controller_of(control: ControlSpec, rest: Rest) -> Controller:
@@ -128,11 +143,13 @@ class Circle:
         panel_blur: PanelBlur | None = None,
         order_check: OrderCheck | None = None,
         burst: Burst | None = None,
+        unsteady: UnsteadyNodes | None = None,
     ) -> None:
         """Put the parts together.
 
         expected_light: None where the light at rest is the light everywhere. panel_blur: None for a panel
         that has none. order_check: None for a target without periods. burst: None where none is ever drawn.
+        unsteady: counts nodes that are to be followed slowly; None where none are.
         """
         self.rest = rest
         self.exposures = exposures
@@ -144,6 +161,7 @@ class Circle:
         self._panel_blur = panel_blur
         self._order_check = order_check
         self.burst = burst
+        self._unsteady = unsteady
         self._horizon = Horizon(exposures.timing.upwards)
         self._source_ns: int | None = None
         # At rest the order of every node is known: it is that of the rest map.
@@ -180,13 +198,14 @@ class Circle:
         *,
         source_ns: int | None,
         coded: int | None = None,
+        shift: tuple[float, float] = (0.0, 0.0),
     ) -> None:
         """Note that `q` (copied) was presented at `time_ns`, with `code` in its strips.
 
         source_ns: what the property of this name was when `q` was the command. coded: number of the coded
-        picture drawn over it.
+        picture drawn over it. shift: of a moving target, periods.
         """
-        self.exposures.log.record(time_ns, q, source_ns, code)
+        self.exposures.log.record(time_ns, q, source_ns, code, shift)
         if self.burst is not None:
             self.burst.presented(time_ns, coded)
 
@@ -260,7 +279,9 @@ class Circle:
         bias_px = None if observation.mixture is None else observation.mixture.bias_px
         guess = known.residual_px if bias_px is None else known.residual_px + bias_px
         light = None if self._expected_light is None else self._expected_light.share(lit_q)
-        residual = self._sensor.measure(observation.frame.image, guess, light_share=light)
+        target = None if observation.target is None else observation.target.node_rad
+        image = observation.frame.image
+        residual = self._sensor.measure(image, guess, light_share=light, target_rad=target)
         return unmixed(residual, observation, self.rest.grid)
 
     def _command(self, residual: Residual, measured: Warp, frozen: bool) -> tuple[bool, Event | None]:
@@ -269,7 +290,10 @@ class Circle:
             return False, Event.FROZEN
         if self.coded is not None:
             return False, None
-        changed = self.controller.update(residual, measured, self._horizon.age_s)
+        unsteady = None
+        if self._unsteady is not None:
+            unsteady = self._unsteady.learn(measured.flags, measured.time_ns)
+        changed = self.controller.update(residual, measured, self._horizon.age_s, unsteady)
         if not changed and measured.valid.any():
             return False, Event.PICTURES_MIXED
         self._trusted = measured.valid

@@ -13,6 +13,7 @@ from zeromethod.errors import InputError
 from zeromethod.gl import collect, create_context
 from zeromethod.pattern import PatternRenderer, Response, Strips, Target
 from zeromethod.pattern.coded import Coded
+from zeromethod.pattern.stepping import shift_of
 from zeromethod.pattern.strips import CODES
 from zeromethod.rig.model import Rig
 from zeromethod.warp.rest import Rest
@@ -39,7 +40,7 @@ class Drawn:
 
     q: (rows, cols, 2) its warp, LCD px. source_ns: mid-exposure of the newest frame that it was made from,
     None for none. code: in its strips, None for none. draw_ms: to draw and show it. coded: number of the
-    coded picture drawn over it, None for none.
+    coded picture drawn over it, None for none. shift: of a moving target, periods along u and v.
     """
 
     time_ns: int
@@ -48,6 +49,7 @@ class Drawn:
     code: int | None
     draw_ms: float
     coded: int | None = None
+    shift: tuple[float, float] = (0.0, 0.0)
 
 
 _Wanted = tuple[Float, int | None, Coded | None, Mask | None]
@@ -79,20 +81,25 @@ class Drawer:
         return str(self._context.info["GL_RENDERER"])
 
     def draw(
-        self, q: Float, code: int | None = None, coded: Coded | None = None, lamp: Mask | None = None
+        self,
+        q: Float,
+        code: int | None = None,
+        coded: Coded | None = None,
+        lamp: Mask | None = None,
+        shift: tuple[float, float] = (0.0, 0.0),
     ) -> int:
         """Show the target warped by `q` (rows, cols, 2) LCD px, with `code` in its strips; time in ns.
 
-        coded: fringes over parts of it. lamp: (rows, cols) nodes that are to be white. Raises DisplayLost;
-        TypeError where the display does not say when.
+        coded: fringes over parts of it. lamp: (rows, cols) nodes that are to be white. shift: of the target,
+        periods along u and v. Raises DisplayLost; TypeError where the display does not say when.
         """
         if self._drawing is not None:
             time_ns = self._drawing.draw(
-                lambda framebuffer: self._renderer().render(framebuffer, q, code, coded, lamp)
+                lambda framebuffer: self._renderer().render(framebuffer, q, code, coded, lamp, shift)
             )
         else:
             with self._context:
-                image = self._renderer().image(q, code, coded, lamp)
+                image = self._renderer().image(q, code, coded, lamp, shift)
             time_ns = self._display.show(image)
         return round(time_ns)
 
@@ -121,15 +128,18 @@ class Drawing:
     The drawer is made, used and closed in that thread: a GL context of its own is current nowhere else.
     """
 
-    def __init__(self, make: Callable[[], Drawer], coded: bool, timeout_s: float, live: bool) -> None:
-        """timeout_s: a live display that takes longer for a picture hangs.
+    def __init__(
+        self, make: Callable[[], Drawer], coded: bool, timeout_s: float, live: bool, step: int = 0
+    ) -> None:
+        """timeout_s: a live display that takes longer for a picture hangs. step: of a moving target.
 
         Raises what `make` raises, and InputError where it hangs.
         """
         self._make = make
         self._coded = coded
         self._timeout_s = timeout_s
-        self._count = 0
+        self._count = self._stepped = 0
+        self._step = step
         self.gl_renderer = ""
         """Name of what draws, as GL gives it."""
         self.target: Target | None = None
@@ -173,10 +183,14 @@ class Drawing:
             if self.target is not None:
                 drawer.target = self.target
             started = time.perf_counter()
-            time_ns = drawer.draw(q, code, coded, lamp)
+            # while fringes are drawn over it the target rests: their pixels must see the same around them
+            shift = shift_of(self._step, self._stepped + (coded is None))
+            time_ns = drawer.draw(q, code, coded, lamp, shift)
             self._count += 1
+            self._stepped += coded is None
             draw_ms = 1e3 * (time.perf_counter() - started)
-            return Drawn(time_ns, q, source_ns, code, draw_ms, None if coded is None else coded.number)
+            number = None if coded is None else coded.number
+            return Drawn(time_ns, q, source_ns, code, draw_ms, number, shift)
 
         try:
             self.gl_renderer = drawer.gl_renderer

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Generator
 from contextlib import ExitStack
+from functools import partial
 from typing import Any
 
 from zeromethod.arrays import Float, Mask
@@ -14,11 +15,12 @@ from zeromethod.loop.adjustments import Adjustments
 from zeromethod.loop.assembly import make_circle
 from zeromethod.loop.bench_doubt import BenchDoubt
 from zeromethod.loop.burst import Read
-from zeromethod.loop.circle import FrameResult, Sensor
+from zeromethod.loop.circle import FrameResult, Sensor, from_zero
 from zeromethod.loop.display_watch import DisplayWatch
 from zeromethod.loop.drawing import HANGING_S, Drawer, Drawing
 from zeromethod.loop.events import Event, Notice, Notices
-from zeromethod.loop.frame_check import FrameCheck, FrameVerdict, own
+from zeromethod.loop.frame_check import FrameCheck, own
+from zeromethod.loop.frame_outcome import BURST_WORDS, frame_figures, frame_outcome
 from zeromethod.loop.frame_source import FrameSource, Stopped, Trouble, failure
 from zeromethod.loop.light_quality import LightQuality
 from zeromethod.loop.pattern_dwell import PatternDwell
@@ -30,13 +32,8 @@ from zeromethod.loop.zero import Zero
 from zeromethod.optics import Optics
 from zeromethod.rig.model import Rig
 
-BURST_WORDS = "coded pictures read the warp where none can null it; keep what is pressed still"
-
 WRONG_FRAMES_TO_END = 10
 """Consecutive frames of wrong shape or type after which the run ends."""
-
-LAMP_S = 0.5
-"""How long a lamp stays when nobody asks for it again: without readings, none knows what touches."""
 
 
 class Loop:
@@ -106,7 +103,13 @@ class Loop:
         timeout_s, timed = rig.control.timeout_s, parts.strips is not None
         dwell = PatternDwell(1e9 / rig.camera.rate_hz, timed) if self.live or timed else None
         slowest_s = max(timeout_s, HANGING_S)
-        drawing = Drawing(lambda: Drawer(rig, display, parts.rest, parts.strips), timed, slowest_s, self.live)
+        drawing = Drawing(
+            lambda: Drawer(rig, display, parts.rest, parts.strips),
+            timed,
+            slowest_s,
+            self.live,
+            rig.target.step,
+        )
         self.gl_renderer = drawing.gl_renderer
         """Name of what draws the pattern, as GL gives it."""
         self.adjust = Adjustments(rig, self._circle.controller, drawing)
@@ -120,7 +123,6 @@ class Loop:
         self._garbage: PausedGC | None = None
         self._start_ns: int | None = None
         self._steps = 0
-        self._lamp: tuple[Mask | None, int] = None, 0
         self._frozen = self._stop = self._waiting = self._referenced = False
 
     @property
@@ -142,14 +144,14 @@ class Loop:
         self.paused = on
 
     def light(self, lamp: Mask | None) -> None:
-        """Draw white at some nodes, for `LAMP_S` at most; from any thread.
+        """Draw white at some nodes, for `screen.LAMP_S` at most; from any thread.
 
         Parameters
         ----------
         lamp : (rows, cols) bool, optional
             Nodes inside contacts; must not be changed any more. None: nowhere.
         """
-        self._lamp = lamp, self._clock.now_ns()
+        self._screen.light(lamp, self._clock.now_ns())
 
     def rezero(self) -> None:
         """Take the mean warp of the next nulled frames as that of the untouched mirror, for all readings.
@@ -267,7 +269,9 @@ class Loop:
         if result.coded:
             events += (Event.BURST,)
             self._notices.add(Notice(Event.BURST, BURST_WORDS))
-        outcome = self._outcome(verdict, result, refusal, events)
+        state = self.paused, partial(self._at_rest, result), self.bench.doubt or self.doubt
+        outcome = frame_outcome(verdict, result, refusal, events, *state)
+        self.over |= verdict.wrong and self._check.wrong_frames >= WRONG_FRAMES_TO_END
         trouble = self._show(result, refusal, frozen, now_ns)
         if trouble is not None:
             events += trouble.events
@@ -277,27 +281,17 @@ class Loop:
         if not self._referenced and self.status.state in READ:
             self._circle.take_reference(result)  # later light is compared with that of the first nulled frame
             self._referenced = True
-        measured = result.believed
-        if (zeroed := self._zero.take(measured, result.residual_rms_px)) is not None:
+        if (zeroed := self._zero.take(result.believed, result.residual_rms_px)) is not None:
             events += (zeroed.event,)
             self._notices.add_always(zeroed)
-        draw_ms, delay_ms = self._screen.timing_ms()
         return self._step(
             now_ns if verdict.wrong else frame.time_ns,
             events,
-            frame_number=frame.number,
-            **({} if verdict.wrong else {"dropped": frame.dropped, "exposure_ns": frame.exposure_ns}),
             frozen=frozen,
-            sensed=verdict.refusal is None,
-            image=frame.image,
-            residual=result.residual and result.residual.copy(),
-            shown=result.observation and result.observation.shown.copy(),
-            measured=measured and measured.less(self._zero.q),
-            residual_rms_px=result.residual_rms_px,
-            valid_share=result.valid_share,
+            measured=from_zero(result, self._zero.q),
             loop_ms=loop_ms,
-            draw_ms=draw_ms,
-            delay_ms=delay_ms,
+            **self._screen.timing_ms(),
+            **frame_figures(frame, verdict, result),
         )
 
     def _judged(self, frame: Frame, result: FrameResult) -> tuple[Event, ...]:
@@ -309,36 +303,17 @@ class Loop:
             self._notices.add(notice)
         return tuple(notice.event for notice in notices)
 
-    def _outcome(
-        self, verdict: FrameVerdict, result: FrameResult, refusal: Notice | None, events: tuple[Event, ...]
-    ) -> StepOutcome:
-        """What a frame means for the state."""
-        words = refusal.words if refusal else ""
-        if verdict.wrong:
-            self.over = self._check.wrong_frames >= WRONG_FRAMES_TO_END
-            return StepOutcome(Outcome.FAILED, words)
-        if result.refusal is Event.LIGHT_OFF:
-            return StepOutcome(Outcome.MEASURED, words)
-        if self.paused:
-            return StepOutcome(Outcome.PAUSED, "paused: frames are measured, the picture stays")
-        if refusal is not None or result.measured is None:
-            return StepOutcome(Outcome.HELD, words)
-        # Whether it rests only matters, and is only worked out, where the loop is about to be locked.
-        locked = self.status.nulled_frames + 1 >= LOCK_FRAMES
-        at_rest = locked and self._circle.at_rest(result.measured, self._zero.rest_q)
-        blinded = "the camera is blinded: too bright" if Event.SATURATED in events else ""
-        doubt = self.bench.doubt or self.doubt
-        unread = BURST_WORDS if result.unread else ""
-        seen = result.residual_rms_px, result.valid_share, at_rest, result.covered_share
-        return StepOutcome(Outcome.MEASURED, blinded, *seen, doubt, result.order, unread)
+    def _at_rest(self, result: FrameResult) -> bool:
+        # only matters, and is only worked out, where the loop is about to be locked
+        if result.measured is None or self.status.nulled_frames + 1 < LOCK_FRAMES:
+            return False
+        return self._circle.at_rest(result.measured, self._zero.rest_q)
 
     def _show(self, result: FrameResult, refusal: Notice | None, frozen: bool, now_ns: int) -> Trouble | None:
         """Have the command drawn; what went wrong, where something did."""
         dwell = self._screen.dwell
         if dwell is not None and not frozen:
             dwell.note(refusal is not None, result.residual_rms_px)
-        lamp, since_ns = self._lamp
-        self._screen.lamp = lamp if now_ns - since_ns < 1e9 * LAMP_S else None
         try:
             self._screen.offer(result.changed, frozen, now_ns)
         except Exception as error:

@@ -129,13 +129,18 @@ def expect(observation: Observation, known_q: Float, trusted: Mask, rest: Rest) 
 def unmixed(residual: Residual, observation: Observation, grid: NodeGrid) -> Residual:
     """Residual against the mix that was shown, from the one that the sensor read.
 
-    The mixture's bias is taken out of d; all else is shared. Sigma stays: it goes by the carrier's amplitude
-    as found, which mixing has lowered already.
+    The mixture's bias is taken out of d, and what a moving target's known phase differs by from a node to
+    where it looks; its loss of contrast is taken out of the modulation. All else is shared. Sigma stays: it
+    goes by the carrier's amplitude as found, which mixing has lowered already.
     """
-    mixture = observation.mixture
+    mixture, target = observation.mixture, observation.target
     if mixture is None or mixture.bias_px is None:
         return residual
-    return replace(residual, d=unmix(residual.d, mixture.bias_px, grid.spacing_px))
+    if target is None:
+        return replace(residual, d=unmix(residual.d, mixture.bias_px, grid.spacing_px))
+    d = unmix(residual.d, mixture.bias_px, grid.spacing_px, target.node_px(grid.period_px))
+    modulation = np.divide(residual.modulation, target.node_contrast, dtype=np.float32)
+    return replace(residual, d=d, modulation=modulation)
 
 
 def order_in_doubt(valid: Mask, trusted: Mask) -> Mask | None:

@@ -135,12 +135,14 @@ class PatternRenderer:
         code: int | None = None,
         coded: Coded | None = None,
         lamp: Mask | None = None,
+        shift: tuple[float, float] = (0.0, 0.0),
     ) -> None:
         """Draw the picture of warp q, (rows, cols, 2) LCD px, into a framebuffer of the LCD's size.
 
         code: 0..15, drawn into the strips; without it, or without strips, there is only the target.
         coded: fringes drawn over parts of the LCD.
         lamp: (rows, cols) nodes around which it is the target's brightest light, not to be changed any more.
+        shift: the target at camera position (u, v) is that at (u, v) + shift, periods along u and v.
         Nothing is read back. Red, green and blue all hold code / 255. Leaves `framebuffer` bound and
         blending, depth test and culling off.
         """
@@ -165,6 +167,7 @@ class PatternRenderer:
             box = self._plain if code is None else self._coded
             bits = sum(bit << k for k, bit in enumerate(bits_of(code or 0)))
             set_uniforms(box, {"bounds": bounds, "strip_bits": bits, "lit": int(lamp is not None)})
+            set_uniforms(box, {"moved": (shift[0] % 1.0, shift[1] % 1.0)})
             set_uniforms(box, _fringes(coded))
             self._rectangles[box].render(moderngl.TRIANGLE_STRIP, vertices=4)
 
@@ -179,12 +182,17 @@ class PatternRenderer:
         return float(left), float(-bottom), float(right), float(-top)
 
     def image(
-        self, q: Float, code: int | None = None, coded: Coded | None = None, lamp: Mask | None = None
+        self,
+        q: Float,
+        code: int | None = None,
+        coded: Coded | None = None,
+        lamp: Mask | None = None,
+        shift: tuple[float, float] = (0.0, 0.0),
     ) -> Bytes:
         """Picture of warp q, as `render` draws it, as (rows, cols) uint8 grey codes, row 0 at the top."""
         columns, rows = self._size
         if self._own is None:
             self._own = self._ctx.framebuffer([self._ctx.texture(self._size, 1)])
-        self.render(self._own, q, code, coded, lamp)
+        self.render(self._own, q, code, coded, lamp, shift)
         upside_down = np.frombuffer(self._own.read(components=1, alignment=1), dtype=np.uint8)
         return np.ascontiguousarray(upside_down.reshape(rows, columns)[::-1])

@@ -20,11 +20,12 @@ from zeromethod.loop.events import Event
 from zeromethod.loop.state import State
 from zeromethod.recording.attributes import checked_attributes
 from zeromethod.recording.contact_images import images
-from zeromethod.recording.damage import contrary_peaks, damaged_items, unknown_surface
+from zeromethod.recording.damage import contrary_peaks, unknown_surface
 from zeromethod.recording.growing import COMPLETE
 from zeromethod.recording.opening import Refusal, RefusedRecording
-from zeromethod.recording.schema import EVENTS, STATES, TABLES, number_name
+from zeromethod.recording.schema import EVENTS, STATES
 from zeromethod.recording.source import RecordingFile
+from zeromethod.recording.step_index import StepIndex
 from zeromethod.recording.tables import Tables
 from zeromethod.rig.load import parse_rig
 from zeromethod.rig.model import Rig
@@ -80,7 +81,7 @@ class Recording(AbstractContextManager["Recording"]):
         self.zeromethod_version, self.rig_text = str(found["zeromethod_version"]), str(found["rig"])
         if found["compressed"]:
             import hdf5plugin  # noqa: F401, PLC0415 - knows the filters
-        self._measure()
+        self.tables, self._index = Tables(self._source), StepIndex(self._source)
 
     def __repr__(self) -> str:
         frames = int(np.count_nonzero(self.steps["frame_number"] >= 0))
@@ -101,52 +102,21 @@ class Recording(AbstractContextManager["Recording"]):
     def refresh(self) -> None:
         """See what was written since the last call; raises InputError where it cannot be read any more."""
         self._source.refresh()
-        self._measure()
-
-    def _measure(self) -> None:
-        self._rows: dict[str, dict[int, int]] = {}
         self.tables = Tables(self._source)
-        self._lengths = {name: self._length(name) for name in self._groups}
-
-    @cached_property
-    def _groups(self) -> list[str]:
-        """Names of the tables, and of the groups whose items belong to steps, pictures to rows of a table."""
-        names = self._source.names
-        groups = {name.rpartition("/")[0] for name in names}
-        return sorted(group for group in groups if group and (group in TABLES or number_name(group) in names))
-
-    def _length(self, group: str) -> int:
-        """Items that all datasets of a group have."""
-        return min(self._source.length(name) for name in self._source.group(group))
-
-    def _at(self, group: str, step: int) -> int | None:
-        """Index in a group of the items that belong to a step."""
-        if group not in self._lengths:
-            return None
-        if group not in self._rows:
-            self._rows[group] = {int(number): i for i, number in enumerate(self._numbers(group))}
-        return self._rows[group].get(int(step))
+        self._index.measure()
 
     def steps_with(self, group: str) -> Ints:
         """Numbers of the steps that a group ("frames", "warps/measured", ...) has arrays of, rising."""
-        numbers = self._numbers(group)
+        numbers = self._index.numbers(group)
         return numbers[numbers >= 0]
-
-    def _numbers(self, group: str) -> Ints:
-        """Numbers of a group's items; -1 where they are not known."""
-        if group not in self._lengths:
-            return np.zeros(0, np.int64)
-        name = number_name(group).rpartition("/")[2]
-        return self._source.numbers(group, name, self._lengths[group])
 
     def is_damaged(self, group: str, number: int) -> bool:
         """Whether a group has damaged arrays of a step (`pictures`: of a row)."""
-        index = self._at(group, number)
-        return index is not None and self._source.is_damaged(group, index)
+        return self._index.is_damaged(group, number)
 
     def damaged(self, advance: Callable[[], None] = lambda: None) -> dict[str, int]:
         """Number of damaged items by group, and of peaks that contradict theirs; reads the whole file."""
-        found = damaged_items(self._source, self._lengths, advance)
+        found = self._index.damaged(advance)
         if contrary := self.leave_out_contrary_peaks():
             found["peaks"] = found.get("peaks", 0) + contrary
         return found
@@ -269,14 +239,8 @@ class Recording(AbstractContextManager["Recording"]):
         index = int(np.searchsorted(numbers := self.steps["number"], step))
         return self.steps[index] if index < len(numbers) and numbers[index] == step else None
 
-    def _arrays(self, group: str, step: int, *names: str) -> list[Any] | None:
-        if (index := self._at(group, step)) is None:
-            return None
-        found = self._source.items(group, index, names)
-        return [found[name] for name in names] if len(found) == len(names) else None
-
     def _array(self, group: str, step: int, name: str) -> Image | None:
-        found = self._arrays(group, step, name)
+        found = self._index.arrays(group, step, name)
         return None if found is None else np.asarray(found[0])
 
     def image(self, step: int) -> Image | None:
@@ -293,11 +257,15 @@ class Recording(AbstractContextManager["Recording"]):
 
     def measured(self, step: int) -> Warp | None:
         """Warp by the step's frame alone, from the zero that was taken last; bit for bit as it was."""
-        found, row = self._arrays("warps/measured", step, "q", "sigma", "flags"), self.row(step)
+        found, row = self._index.arrays("warps/measured", step, "q", "sigma", "flags"), self.row(step)
         if found is None or row is None:
             return None
         q, sigma, flags = found
-        return Warp(q, sigma, flags, int(row["time_ns"]))
+        warp = Warp(q, sigma, flags, int(row["time_ns"]))
+        shown, residual = self.shown(step), self.residual(step)
+        if shown is None:
+            return warp
+        return warp.with_left(shown, self.zero(step), None if residual is None else residual.valid)
 
     def commanded(self, step: int) -> Single | None:
         """(rows, cols, 2) warp to be shown next, LCD px."""
@@ -313,7 +281,7 @@ class Recording(AbstractContextManager["Recording"]):
 
     def residual(self, step: int) -> Residual | None:
         """Residual in single precision; the carrier's amplitude is not kept: NaN."""
-        found = self._arrays("residual", step, "d", "sigma", "flags", "mean")
+        found = self._index.arrays("residual", step, "d", "sigma", "flags", "mean")
         if found is None:
             return None
         d, sigma, flags, mean = found
@@ -323,9 +291,9 @@ class Recording(AbstractContextManager["Recording"]):
     def surface(self, step: int) -> Surface | None:
         """Slope and depth that were read from the step, in single precision."""
         names = ("depth_mm", "slope", "x_mm", "y_mm", "sigma_depth_mm", "sigma_slope")
-        found = self._arrays("surface", step, *names, "valid", "contact", "anchor", "table")
+        found = self._index.arrays("surface", step, *names, "valid", "contact", "anchor", "table")
         if found is None:
-            if self._at("surface", step) is None:
+            if self._index.at("surface", step) is None:
                 return None
             return unknown_surface(self.grid.shape, self.row(step))
         *floats, valid, contact, mask, about = found
@@ -339,7 +307,7 @@ class Recording(AbstractContextManager["Recording"]):
 
     def zero(self, step: int) -> Float | None:
         """(rows, cols, 2) LCD px, the zero from which `measured` of this step starts; None for the rig's."""
-        steps = self._numbers("zeros")
+        steps = self._index.numbers("zeros")
         if (index := int(np.count_nonzero(steps <= step)) - 1) < 0:
             return None
         found = self._source.items("zeros", index, ("q",))

@@ -176,9 +176,8 @@ class Rows:
         frame_ns = -1 if one.source_ns is None else one.source_ns
         code = -1 if one.code is None else one.code
         coded = -1 if one.coded is None else one.coded
-        return self._row(
-            "presentation_log/table", after_step, one.time_ns, frame_ns, code, one.draw_ms, coded
-        )
+        values = after_step, one.time_ns, frame_ns, code, one.draw_ms, coded, one.shift
+        return self._row("presentation_log/table", *values)
 
     def _arrays(self, step: Step) -> list[Item]:
         items: list[Item] = []

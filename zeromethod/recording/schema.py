@@ -80,6 +80,7 @@ PRESENTATION_LOG: Fields = {
     "strip_code": ("i4", "", "code in its strips; -1 for none"),
     "draw_ms": ("f8", "ms", "to draw and present it"),
     "coded_picture": ("i4", "", "number of the burst's picture drawn over it; -1 for none"),
+    "target_shift": ("(2,)f8", "periods", "of a moving target along u and v: T(u + s P) is shown; else 0"),
 }
 
 PEAKS: Fields = {

@@ -134,20 +134,47 @@ class Prism(Table):
         return self
 
 
+Support = Literal["bonded", "sliding", "free"]
+
+
+class FaceSupports(Table):
+    """What holds each face of the prism but the mirror.
+
+    "bonded": held fast; "sliding": held without friction, never lifted off; "free": not held. `ends`: both
+    faces across y. Raises InputError where nothing keeps the prism from moving.
+    """
+
+    pattern: Support = "bonded"
+    camera: Support = "bonded"
+    ends: Support = "free"
+
+    @model_validator(mode="after")
+    def _held(self) -> FaceSupports:
+        faces = self.pattern, self.camera, self.ends
+        if "bonded" not in faces and faces[:2] != ("sliding", "sliding"):
+            rule = "one face 'bonded', or pattern and camera 'sliding': else nothing holds the prism"
+            raise refused("pattern", self.pattern, rule)
+        return self
+
+
 class Rubber(Table):
     """How the rubber yields to what presses on it; the simulated bench alone uses it.
 
-    `support`: "free", a body so thick that its other faces do not matter; else a layer of `thickness_mm` on a
-    rigid base, "bonded" to it or "sliding" on it.
+    `support`: "free", a body so thick that its other faces do not matter; "bonded" or "sliding", a layer of
+    `thickness_mm` on a rigid base, bonded to it or sliding on it; by a table per face: the prism.
     """
 
     youngs_modulus_mpa: Positive = 1.0
     poisson: Annotated[float, Field(ge=0, le=0.5)] = 0.49
-    support: Literal["bonded", "sliding", "free"] = "free"
+    support: Support | FaceSupports = "free"
     thickness_mm: Positive | None = None
 
     @model_validator(mode="after")
     def _thick(self) -> Rubber:
+        if isinstance(self.support, FaceSupports):
+            if self.thickness_mm is not None:
+                raise refused("thickness_mm", self.thickness_mm, "only with support 'bonded' or 'sliding'")
+            return self
         if self.support != "free" and self.thickness_mm is None:
             raise refused("thickness_mm", None, f"a number above 0 for support '{self.support}'")
         if self.support == "free" and self.thickness_mm is not None:
@@ -155,19 +182,30 @@ class Rubber(Table):
         return self
 
 
+LEAST_STEP = 8
+"""Fewest pictures per period of a moving target: of fewer, two in one exposure leave too little contrast."""
+
+
 class TargetSpec(Table):
     """The target: the picture that the camera should see, in camera pixels.
 
-    Light = mean +- contrast x mean; the period is even and a node lies every half period.
+    Light = mean +- contrast x mean; the period is even and a node lies every half period. `step`: the target
+    moves from drawn picture to drawn picture by 1 / step of a period along u and 2 / step along v, a period
+    (two) there and back; 0: it stands still.
     """
 
     kind: Literal["cosines", "checker", "lattice", "noise"] = "cosines"
     period_px: Annotated[int, Field(ge=8, le=64, multiple_of=2)] = 16
     mean: Annotated[float, Field(gt=0, lt=1)] = 0.5
     contrast: Annotated[float, Field(gt=0, le=1)] = 0.9
+    step: Annotated[int, Field(ge=0, le=64)] = 0
 
     @model_validator(mode="after")
     def _displayable(self) -> TargetSpec:
+        if 0 < self.step < LEAST_STEP:
+            raise refused("step", self.step, f"0, or {LEAST_STEP} to 64")
+        if self.step and self.kind == "noise":
+            raise refused("step", self.step, "0 for target.kind 'noise', which has no phase")
         if self.mean * (1 + self.contrast) > 1 + 1e-9:
             raise refused("contrast", self.contrast, f"at most 1 / mean - 1 = {1 / self.mean - 1:.6g}")
         return self
@@ -287,7 +325,8 @@ class Nuisances(Table):
     `mains`: light of lamps on the mains, on average, as a share of full scale; it swings to nothing and back
     `mains_hz` times a second. `backlight_per_minute`: growth of the LCD's light, relative. `dust`,
     `scratches` (on the camera face), `bubbles` (in the rubber): how many in view. `kelvin_per_minute`: how
-    fast the rubber grows warmer, which then is not as the rig file has it.
+    fast the rubber grows warmer, which then is not as the rig file has it. `pixel_gain`, `pixel_offset_grey`:
+    fixed pattern of the chip, standard deviations of a pixel's own gain (relative) and black level.
     """
 
     mains: Share = 0.0
@@ -297,6 +336,8 @@ class Nuisances(Table):
     scratches: Count = 0
     bubbles: Count = 0
     kelvin_per_minute: float = 0.0
+    pixel_gain: NotNegative = 0.0
+    pixel_offset_grey: NotNegative = 0.0
 
 
 class SimulationSpec(Table):

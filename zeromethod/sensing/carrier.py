@@ -8,6 +8,8 @@ it is the Cramer-Rao bound of a cosine in that window.
 
 from __future__ import annotations
 
+import math
+
 import numba
 import numpy as np
 from numpy.typing import NDArray
@@ -160,3 +162,17 @@ def _read_phases(
             modulation[row, col, 0], modulation[row, col, 1] = au, av
             mean[row, col] = grey
             flags[row, col] = flags_of(max(su, sv), min(au, av), light, rest, over, scales)
+
+
+@numba.njit(cache=True)
+def take_out(d: Float, target_rad: Float, period: float) -> None:
+    """Take a target's known phase (rows, cols, 2) along its carriers out of wrapped displacements, px.
+
+    They stay within +-P/2.
+    """
+    px_per_rad = period / (2 * math.pi)
+    for row in range(PADDING, d.shape[0] - PADDING):
+        for col in range(PADDING, d.shape[1] - PADDING):
+            for k in range(2):
+                apart = d[row, col, k] - px_per_rad * target_rad[row, col, k]
+                d[row, col, k] = apart - period * np.rint(apart / period)

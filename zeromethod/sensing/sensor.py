@@ -9,7 +9,7 @@ import numpy as np
 from zeromethod.arrays import Float, Mask, Single
 from zeromethod.errors import InputError
 from zeromethod.rig.model import Noise, Rig
-from zeromethod.sensing.carrier import CarrierEstimator
+from zeromethod.sensing.carrier import CarrierEstimator, take_out
 from zeromethod.sensing.demodulate import Image
 from zeromethod.sensing.gradient import GradientEstimator
 from zeromethod.sensing.residual import Limits, Residual
@@ -139,6 +139,7 @@ class ResidualSensor:
         out: Residual | None = None,
         *,
         light_share: Single | None = None,
+        target_rad: Float | None = None,
     ) -> Residual:
         """Residual of one image.
 
@@ -157,6 +158,9 @@ class ResidualSensor:
         light_share : (image rows, image cols), optional
             Expected light of every pixel over that at rest, which is divided out first: mean, modulation and
             all rules about light refer to the light at rest, sigma to the image as taken.
+        target_rad : (rows, cols, 2), optional
+            Known phase of a moving target along its two carriers (`exposure.target_phase`), which is taken
+            out of theirs; not for noise, which has none.
 
         Returns
         -------
@@ -184,6 +188,8 @@ class ResidualSensor:
             out.sigma[inner] *= factor[..., None]
         if self._unwrapper is not None:
             period = float(self.grid.period_px)
+            if target_rad is not None:
+                take_out(out.d, target_rad, period)
             flag_light_edges(out.mean, out.modulation, out.d, out.flags, self._black, period, self._bent)
             self._unwrapper.unwrap(out, guess)
         return out

@@ -1,4 +1,4 @@
-"""From light to grey levels: gain, shot and read noise, black level, quantisation."""
+"""From light to grey levels: gain, shot and read noise, black level, fixed pattern, quantisation."""
 
 from __future__ import annotations
 
@@ -10,12 +10,15 @@ from zeromethod.rig.model import Rig
 
 _STREAM = 3
 """Keeps the noise apart from the clocks' jitter under the same seed."""
+_PATTERN_STREAM = 4
 
 
 @numba.njit(cache=True, fastmath=True)
 def _expose(
     light: Single,
     normal: Single,
+    gain: Single,
+    offset: Single,
     peak: float,
     black: float,
     read: float,
@@ -25,9 +28,9 @@ def _expose(
 ) -> None:
     for row in range(light.shape[0]):
         for col in range(light.shape[1]):
-            signal = light[row, col] * peak
+            signal = gain[row, col] * light[row, col] * peak
             spread = np.sqrt(read * read + max(signal, 0.0) * grey_per_electron)
-            grey = np.rint(black + signal + spread * normal[row, col])
+            grey = np.rint(black + offset[row, col] + signal + spread * normal[row, col])
             out[row, col] = min(max(grey, 0.0), full)
 
 
@@ -36,7 +39,9 @@ class Sensor:
 
     Light 1 gives `peak_grey_share` of the full scale 2^bits - 1, light 0 the black level. Variance =
     read_grey^2 + signal / electrons_per_grey, the signal counted above black. The noise of frame n
-    depends on seed and n alone. Quantisation rounds to the nearest grey level and clips.
+    depends on seed and n alone. Every pixel has its own gain and black level, by the seed, which stay from
+    frame to frame (`simulation.nuisances.pixel_gain`, `pixel_offset_grey`). Quantisation rounds to the
+    nearest grey level and clips.
     """
 
     def __init__(self, rig: Rig) -> None:
@@ -48,7 +53,15 @@ class Sensor:
         self._grey_per_electron = 1.0 / noise.electrons_per_grey if noise.electrons_per_grey else 0.0
         self._dtype = np.uint8 if camera.bits <= 8 else np.uint16
         self._seed = rig.simulation.seed
-        self._normal = np.zeros((camera.rows, camera.columns), dtype=np.float32)
+        shape = camera.rows, camera.columns
+        self._normal = np.zeros(shape, dtype=np.float32)
+        nuisances = rig.simulation.nuisances
+        self._gain, self._offset = np.ones(shape, np.float32), np.zeros(shape, np.float32)
+        if nuisances.pixel_gain or nuisances.pixel_offset_grey:
+            seeds = np.random.SeedSequence((self._seed & (2**64 - 1), _PATTERN_STREAM))
+            pattern = np.random.default_rng(seeds).standard_normal((2, *shape), dtype=np.float32)
+            self._gain += np.float32(nuisances.pixel_gain) * pattern[0]
+            self._offset += np.float32(nuisances.pixel_offset_grey) * pattern[1]
 
     @property
     def noisy(self) -> bool:
@@ -61,7 +74,6 @@ class Sensor:
             seeds = np.random.SeedSequence((self._seed & (2**64 - 1), _STREAM, number & (2**64 - 1)))
             np.random.Generator(np.random.SFC64(seeds)).standard_normal(dtype=np.float32, out=self._normal)
         out = np.empty(light.shape, dtype=self._dtype)
-        _expose(
-            light, self._normal, self._peak, self._black, self._read, self._grey_per_electron, self._full, out
-        )
+        pattern, noise = (self._gain, self._offset), (self._read, self._grey_per_electron)
+        _expose(light, self._normal, *pattern, self._peak, self._black, *noise, self._full, out)
         return out

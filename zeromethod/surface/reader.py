@@ -17,6 +17,7 @@ from zeromethod.surface.bench_drift import BenchDrift
 from zeromethod.surface.bridge import Lattice, bridge, cut_off_parts
 from zeromethod.surface.covariance import DepthCovariance
 from zeromethod.surface.depth_scale import depth_scale
+from zeromethod.surface.hidden import HiddenDepth
 from zeromethod.surface.integrate import LinearIntegration, SlopeIntegrator, largest_island
 from zeromethod.surface.lever import Lever
 from zeromethod.surface.node_passes import known_bending, moved_on, surface_arrays, together, use_nodes
@@ -117,6 +118,9 @@ class SurfaceReader:
         if with_sigma:
             fixed = self._integrator, self._scale_gradient
             self._drift = BenchDrift(rig, optics, grid, self._rays.rest_q, regular, sensitivity, *fixed)
+        self._hidden = HiddenDepth(grid, sensitivity, point[..., 0], point[..., 1])
+        self.noise_mm: Float = np.full(island.shape, np.nan)
+        """(measurable rows, cols) of the last surface's `sigma_depth_mm`, what the warp's own noise makes."""
         self._last: _Last | None = None
         self._before: tuple[Surface | None, Surface | None] = None, None
 
@@ -168,7 +172,7 @@ class SurfaceReader:
         variance = self._lever.variance(spread, reading.depth, reading.slope)
         state = bending, sigma_q, reading.depth, reading.slope
         noise = SlopeNoise(lambda: self._lever.factor(*state), variance, *self._overlap)
-        surface = self._surface(warp, reading, noise)
+        surface = self._surface(warp, reading, noise, previous is None)
         return self._with_cut_off(surface, reading, q, usable, variance)
 
     def follow(self, warp: Warp) -> Surface:
@@ -232,18 +236,24 @@ class SurfaceReader:
                 moved_on(depth, *steps, apart_ns / back_ns, ahead_ns / apart_ns)
         return Start(depth, nodes)
 
-    def _surface(self, warp: Warp, reading: Reading, noise: SlopeNoise) -> Surface:
+    def _surface(self, warp: Warp, reading: Reading, noise: SlopeNoise, alone: bool) -> Surface:
+        """alone: sigma is to be as exact as it can be, and not only after some readings."""
         island = self._integrator.island
         sigma_depth = np.full(island.shape, np.nan)
         anchor = Anchor("none", np.zeros(self._grid.shape, bool), 0.0)
         x, y = reading.point[..., 0], reading.point[..., 1]
         fit, curl, systematic = reading.fit, None, np.zeros((0, *island.shape))
+        self.noise_mm = np.full(island.shape, np.nan)
         if fit is not None and self._drift is not None:
-            of_frame = self._noise.sigma(noise, x, y, fit.weights)
+            of_frame = self._noise.sigma(noise, x, y, fit.weights, alone)
             read = KnownReading(x, y, reading.depth, self._scale, of_frame, reading.slope, noise.variance)
             fit, systematic = self._drift.systematic(fit, read, noise)
+            if warp.left is not None:
+                hidden = self._hidden.of(warp.left, noise.variance, island)
+                systematic = systematic if hidden is None else np.concatenate([systematic, hidden[None]])
             sigma_depth = together(self._scale, of_frame, systematic, self._depth_share, reading.depth)
             curl = self._drift.test(warp, reading, noise)
+            self.noise_mm = self._scale * of_frame
         if fit is not None:
             typical = fit.sigma_mm * float(np.sqrt(np.vdot(self._scale2, island) / np.count_nonzero(island)))
             anchor = Anchor(fit.mode, self._grid.padded(fit.weights > 0.0, False), typical, fit.far_field_mm)

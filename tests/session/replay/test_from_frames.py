@@ -56,11 +56,14 @@ def test_frames_that_were_faulty_and_a_new_zero_are_gone_through_alike(session, 
     assert_all_equal(path, 30)
 
 
-def test_coded_strips_are_read_again(tmp_path):
-    rig = with_settings(coarser(load_rig("simulated"), 4), ["control.strips=edges", "scenario=step"])
+def test_coded_strips_and_the_shifts_of_a_moving_target_are_read_again(tmp_path):
+    settings = ["control.strips=edges", "scenario=step", "target.step=16"]
+    rig = with_settings(coarser(load_rig("simulated"), 4), settings)
     path = recorded(tmp_path / "r.h5", 0.25, rig=rig)
     with Recording(path) as opened:
         assert opened.presentation_log["strip_code"].max() > 0
+        steps = np.diff(opened.presentation_log["target_shift"], axis=0)
+        np.testing.assert_allclose(np.abs(steps), np.tile([1 / 16, 2 / 16], (len(steps), 1)))
     assert_all_equal(path, 10)
 
 

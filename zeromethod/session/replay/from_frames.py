@@ -14,7 +14,7 @@ import numpy as np
 from zeromethod.errors import InputError
 from zeromethod.loop.assembly import make_circle
 from zeromethod.loop.call import DONE
-from zeromethod.loop.circle import Circle, FrameResult
+from zeromethod.loop.circle import Circle, FrameResult, from_zero
 from zeromethod.loop.frame_check import own
 from zeromethod.loop.state import READ
 from zeromethod.optics import Optics
@@ -147,11 +147,11 @@ def replay_from_frames(
         if inside:
             pace.wait_for(int(row["time_ns"]))
         step = int(row["number"])
-        measured = taken.believed and taken.believed.less(recording.zero(step))
+        measured = from_zero(taken, recording.zero(step))
         if inside:
             warps.add(row, taken, measured, parts.circle)
         if measured is not None and step in read:
-            surface, deepest = reader.read(measured)
+            surface, deepest = reader.read(step, measured)
             if inside:
                 depths.add(step, surface, deepest)
         if on_step is not None:
@@ -223,8 +223,16 @@ def _present(recording: Recording, window: Window, index: int, circle: Circle) -
     code, source_ns = int(row["strip_code"]), int(row["newest_frame_ns"])
     source = None if source_ns < 0 else source_ns
     coded = int(row["coded_picture"])
-    shown = {"source_ns": source, "coded": None if coded < 0 else coded}
-    circle.presented(int(row["time_ns"]), q, None if code < 0 else code, **shown)
+    # recordings made before targets moved have none
+    shift = row["target_shift"].tolist() if "target_shift" in (row.dtype.names or ()) else (0.0, 0.0)
+    circle.presented(
+        int(row["time_ns"]),
+        q,
+        None if code < 0 else code,
+        source_ns=source,
+        coded=None if coded < 0 else coded,
+        shift=shift,
+    )
 
 
 def _ends_at(recording: Recording, window: Window, step: int, why: str) -> str:

@@ -1,0 +1,117 @@
+"""The phase of a moving target in one exposure, exactly known from what was lit.
+
+Picture k shows the target shifted by s_k periods (`zeromethod.pattern.stepping`). Light adds up, so where all
+pictures were drawn with one warp a carrier is seen as
+
+    exp(i k x) Z,  Z = sum_k w_k exp(2 pi i s_k),
+
+w_k the share of picture k in the light of the panel's row. arg Z is the target's phase in that frame, |Z| the
+share of its contrast that is left. If all was lit later than assumed by L, the panel's and the camera's
+clocks being apart, w_k changes by L dw_k / dL, and with it the phase: a fit of many frames can solve for one
+L each.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+
+from zeromethod.arrays import Float
+
+LEAST_CONTRAST = 1e-3
+"""Contrast below which the phase means nothing; of pictures half a period apart alone."""
+
+
+@dataclass(frozen=True, slots=True)
+class TargetPhase:
+    """Phase of the target's two carriers, along u and v (of a checker: along u + v and u - v).
+
+    Convention: of a mirror at rest the camera sees a carrier as cos(2 pi u / P + rad), so `rad` is to be
+    taken out of what was demodulated. rad: (n, 2) at n panel rows, equally spaced in scan-out order, rad.
+    contrast: (n, 2) share of the carrier's amplitude that is left, 0..1. late_rad_per_s: (n, 2) change of
+    `rad` per second by which all was lit later than assumed. rows: of the panel. upwards: it is scanned from
+    its last row on. diagonal: whether it is a checker's. node_rad, node_contrast, node_late_rad_per_s: (rows,
+    cols, 2) the same where each node looks on the shown warp.
+    """
+
+    rad: Float
+    contrast: Float
+    late_rad_per_s: Float
+    rows: int
+    upwards: bool
+    diagonal: bool
+    node_rad: Float
+    node_contrast: Float
+    node_late_rad_per_s: Float
+
+    @classmethod
+    def of(
+        cls,
+        turns: Float,
+        diagonal: bool,
+        weights: Float,
+        late_per_s: Float,
+        panel: tuple[int, bool],
+        node_rows: Float,
+    ) -> TargetPhase:
+        """Phase by the pictures lit.
+
+        turns: (k, 2) rad, each picture's phase along the two carriers, which are diagonal or not. weights,
+        late_per_s: (k, n) share of each, and its change per second of lateness. panel: its rows, and whether
+        it is scanned upwards. node_rows: (rows, cols) LCD rows at which the nodes look.
+        """
+        phasors = np.exp(1j * turns)
+        total, change = weights.T @ phasors, late_per_s.T @ phasors
+        contrast = np.maximum(np.abs(total), LEAST_CONTRAST)
+        rad = np.unwrap(np.angle(total), axis=0)
+        late = (change * total.conj()).imag / contrast**2
+        at_nodes = _at(np.stack([rad, contrast, late]), node_rows, *panel)
+        return cls(rad, contrast, late, *panel, diagonal, at_nodes[0], at_nodes[1], at_nodes[2])
+
+    def node_px(self, period_px: float) -> Float:
+        """(rows, cols, 2) camera px: the phase at the nodes as a displacement along u and v."""
+        carriers = period_px / (2 * math.pi) * self.node_rad
+        if not self.diagonal:
+            return carriers
+        p, m = carriers[..., 0], carriers[..., 1]
+        return 0.5 * np.stack([p + m, p - m], axis=-1)
+
+    def at(self, panel_rows: Float) -> tuple[Float, Float, Float]:
+        """(rad, contrast, late_rad_per_s) at LCD rows of any shape (...), each (..., 2)."""
+        table = np.stack([self.rad, self.contrast, self.late_rad_per_s])
+        rows = np.atleast_2d(np.asarray(panel_rows, dtype=np.float64))
+        found = _at(table, rows.reshape(1, -1), self.rows, self.upwards)
+        rad, contrast, late = found.reshape(3, *np.shape(panel_rows), 2)
+        return rad, contrast, late
+
+
+def _at(table: Float, panel_rows: Float, rows: int, upwards: bool) -> Float:
+    """(quantities, rows, cols, 2) of a (quantities, n, 2) table at LCD rows (rows, cols)."""
+    out = np.empty((table.shape[0], *panel_rows.shape, 2))
+    _interpolate(table, panel_rows, (table.shape[1] - 1) / (rows - 1), upwards, out)
+    return out
+
+
+@numba.njit(cache=True)
+def _interpolate(table: Float, panel_rows: Float, per_row: float, upwards: bool, out: Float) -> None:
+    last = table.shape[1] - 1
+    for j in range(panel_rows.shape[0]):
+        for i in range(panel_rows.shape[1]):
+            x = panel_rows[j, i] * per_row
+            x = min(max(x, 0.0), float(last)) if math.isfinite(x) else 0.0
+            x = last - x if upwards else x
+            n = min(int(x), last - 1)
+            t = x - n
+            for k in range(table.shape[0]):
+                for c in range(2):
+                    out[k, j, i, c] = (1.0 - t) * table[k, n, c] + t * table[k, n + 1, c]
+
+
+def carrier_turns(shifts: Float, diagonal: bool) -> Float:
+    """(k, 2) rad: phases along the two carriers of pictures shifted by (k, 2) periods along u and v."""
+    if diagonal:
+        shifts = np.stack([shifts[:, 0] + shifts[:, 1], shifts[:, 0] - shifts[:, 1]], axis=-1)
+    return np.asarray(2 * np.pi * shifts)

@@ -1,0 +1,1 @@
+"""The fine surface: slope and depth on every camera pixel."""

@@ -1,0 +1,97 @@
+"""Noise of the fine depth, in closed form.
+
+Slopes of independent pixels, integrated by least squares on a rectangle: every cosine of the transform gets
+noise of its own, of variance v. A pixel's depth less the mean with the anchor's weights then has
+
+    variance = sum v (c - a)^2 = sum v c^2 - 2 sum v a c + sum v a^2
+
+over all cosines, c their value at the pixel and a the anchor's mean. The first sum is a cosine transform of v
+itself, as c^2 is a cosine of twice the frequency; the second is one of v a.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.fft import dctn, idctn
+
+from zeromethod.arrays import Float, Mask, Single
+from zeromethod.fine.integrate import eigenvalues
+from zeromethod.sensing.window import transfer
+
+_POINTS = np.array([11.0, -93.0, 802.0, 802.0, -93.0, 11.0]) / 1440.0
+"""Weights of pixels in the integral from one to the next, as `surface.differences` has them."""
+
+
+def _rule(count: int) -> Float:
+    """Squared gain (count,) of the integral over one interval, by the transform's wave numbers."""
+    k = np.pi * np.arange(count) / count
+    gain = 2.0 * (_POINTS[3] * np.cos(0.5 * k) + _POINTS[4] * np.cos(1.5 * k) + _POINTS[5] * np.cos(2.5 * k))
+    return np.asarray(gain**2)
+
+
+def wave_variance(
+    shape: tuple[int, int],
+    step_mm: tuple[float, float],
+    slope2: tuple[float, float],
+    gain: Float | None = None,
+) -> Float:
+    """Variance v (rows, cols), mm^2, of the depth's cosines, orthonormal.
+
+    step_mm: of a pixel along columns, along rows. slope2: variance of the slope along the same, rad^2. gain:
+    (rows, cols) of what is done to the cosines' amplitude; None for nothing.
+    """
+    rows, cols = shape
+    weight = [1.0 / (s2 * step * step) for s2, step in zip(slope2, step_mm, strict=True)]
+    total = eigenvalues(shape, weight[0], weight[1])
+    total[0, 0] = np.inf
+    # each axis adds w^2 |2 sin|^2 var = w |2 sin|^2, with the rule's gain
+    noise = weight[0] * eigenvalues(shape, 1.0, 0.0) * _rule(cols)
+    noise = noise + weight[1] * eigenvalues(shape, 0.0, 1.0) * _rule(rows)[:, None]
+    v = noise / total**2
+    return np.asarray(v if gain is None else v * gain**2)
+
+
+def depth_variance(wave: Float, anchor: Float) -> Float:
+    """Variance (rows, cols), mm^2, of depth less its mean with the anchor's weights, which add up to 1.
+
+    wave: `wave_variance`.
+    """
+    own = _squares(wave)
+    of_anchor = dctn(anchor, norm="ortho")
+    shared = idctn(wave * of_anchor, norm="ortho")
+    return np.asarray(np.maximum(own - 2.0 * shared + float((wave * of_anchor**2).sum()), 0.0))
+
+
+def _squares(wave: Float) -> Float:
+    """Sum over all orthonormal cosines of v c^2, (rows, cols)."""
+    out = wave
+    for axis, count in enumerate(wave.shape):
+        k, x = np.arange(count), np.arange(count)
+        norm = np.where(k == 0, 1.0 / count, 2.0 / count)
+        # cos^2 = (1 + cos 2) / 2; at k = 0 it is 1
+        squared = norm * np.cos(np.pi * np.outer(2 * x + 1, k) / (2 * count)) ** 2
+        out = np.moveaxis(np.tensordot(squared, out, axes=(1, axis)), 0, axis)
+    return out
+
+
+def detail_variance(
+    slope2: Single, x_mm: Float, y_mm: Float, valid: Mask, period_px: int, gain: Float | None = None
+) -> Float:
+    """Variance (rows, cols), mm^2, of depth by the pixels' noise beyond the sensing window.
+
+    slope2: (2, rows, cols) variance of the slope, rad^2, which varies slowly over the view: the variance goes
+    with it, as most of it comes from nearby.
+    """
+    rows, cols = valid.shape
+    steps, variances = [], []
+    for axis in (1, 0):
+        dx, dy = (float(np.mean(np.diff(one, axis=axis))) for one in (x_mm, y_mm))
+        step2 = dx * dx + dy * dy
+        x2, y2 = (float(np.mean(one[valid])) for one in slope2)
+        steps.append(float(np.sqrt(step2)))
+        variances.append((x2 * dx * dx + y2 * dy * dy) / step2)
+    wave = wave_variance((rows, cols), (steps[0], steps[1]), (variances[0], variances[1]), gain)
+    down, across = (transfer(period_px, np.maximum(np.arange(n), 1e-6) / (2 * n)) for n in (rows, cols))
+    whole = wave * (1.0 - np.outer(down, across) ** 2)
+    level = np.mean(slope2, axis=0)
+    return np.asarray(_squares(whole) * level / float(np.mean(level[valid])))

@@ -1,0 +1,232 @@
+"""Fine reader: the last frames to slope and depth on every camera pixel."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from zeromethod.arrays import Float, Image, Mask, Single
+from zeromethod.fine.demodulate import Demodulated, Design, demodulate, usable_pixels
+from zeromethod.fine.detail import pixel_detail
+from zeromethod.fine.footprint import Footprint
+from zeromethod.fine.frames import FineFrame
+from zeromethod.fine.integrate import PixelIntegrator, largest_part, step_weights
+from zeromethod.fine.lateness import lateness
+from zeromethod.fine.lattice import PixelLattice
+from zeromethod.fine.nodes import NodeWindows, read_nodes
+from zeromethod.fine.noise import detail_variance
+from zeromethod.fine.slope import Planes, lever_planes, pixel_slopes
+from zeromethod.fine.surface import FineSurface
+from zeromethod.optics import Optics
+from zeromethod.rig.model import Rig
+from zeromethod.sensing.residual import Limits
+from zeromethod.surface import Surface, SurfaceReader
+from zeromethod.surface.differences import depth_differences
+from zeromethod.surface.lever import Lever
+from zeromethod.surface.rays import MirrorRays
+from zeromethod.warp.continuation import continue_smoothly
+from zeromethod.warp.grid import PADDING, NodeGrid
+
+FRAMES = 24
+"""Frames read together, 0.4 s at 60 per second. Of 16, noise may be 6 times as large: around a turn."""
+_MOST_SIGMA_PX = 2.0
+"""Standard deviation of a pixel's displacement, an eighth of a period, above which it is left out."""
+
+_LEAST_SHARE = 0.02
+"""Share of the frames' fit below which pixels need not be seen by themselves."""
+
+
+class FineReader:
+    """Reader of fine surfaces from the last frames of a run under a target that steps.
+
+    Keeps lattices and the last solution between readings; they affect speed alone.
+
+    Parameters
+    ----------
+    rig : Rig
+        Bench and target.
+    optics : Optics
+        Rays of the rig.
+    grid : NodeGrid
+        Nodes of the warps.
+    divide : bool
+        Divide depth by the pupil's footprint and the lens's blur, as far as the rig file states them;
+        without, depth is the mirror's as seen through both.
+    """
+
+    def __init__(self, rig: Rig, optics: Optics, grid: NodeGrid, divide: bool = True) -> None:
+        self._camera, self._grid = rig.camera, grid
+        self._lattice = PixelLattice(grid)
+        self._reader = SurfaceReader(rig, optics, grid)
+        u, v = (one[grid.inner] for one in grid.mesh())
+        sensitivity = optics.sensitivity(u, v)
+        with np.errstate(invalid="ignore"):
+            regular = np.abs(np.linalg.det(sensitivity)) > 0.0
+        whole = np.where(regular[..., None, None], sensitivity, np.eye(2))
+        self._lever = Lever(MirrorRays(optics, u, v), whole)
+        self._integrator = PixelIntegrator(self._lattice.shape)
+        self._footprint = Footprint(rig, self._lattice) if divide else None
+        self._last = np.zeros(self._lattice.shape, np.float32)
+
+    def read(self, frames: Sequence[FineFrame]) -> FineSurface:
+        """Slope and depth of every pixel.
+
+        Parameters
+        ----------
+        frames : sequence of FineFrame
+            At least five, oldest first; the mirror is read as it was in the newest.
+
+        Returns
+        -------
+        FineSurface
+            NaN where a pixel, or the nodes around it, were not seen well enough.
+
+        Raises
+        ------
+        InputError
+            Where the target's phases in these frames do not determine a pixel's displacement.
+        """
+        images = np.stack([frame.image for frame in frames])
+        steps = [frame.steps(self._grid) for frame in frames]
+        late_s = lateness(images, steps, Design.of(steps), self._noise_grey(images))
+        design = Design.of(steps, late_s)
+        pixels = self._demodulated(images, design)
+        limits = Limits()
+        ceiling = 2**self._camera.bits - 1
+        usable = usable_pixels(pixels, ceiling, limits.visibility, _MOST_SIGMA_PX)
+        nodes = read_nodes(self._lattice, frames, design, late_s, pixels, usable)
+        return self._read_pixels(nodes, pixels, usable, len(frames))
+
+    def _noise_grey(self, images: Image) -> float:
+        noise = self._camera.noise
+        per_grey = 0.0 if noise.electrons_per_grey is None else 1.0 / noise.electrons_per_grey
+        light = max(float(images[0, ::8, ::8].mean()) - noise.black_grey, 0.0)
+        return float(np.sqrt(noise.read_grey**2 + 1 / 12 + per_grey * light))
+
+    def _demodulated(self, images: Image, design: Design) -> Demodulated:
+        """Pixels between the nodes."""
+        found = demodulate(images, design, self._grid.period_px, self._camera.noise)
+        fields = found.d, found.variance, found.modulation, found.mean, found.misfit
+        d, variance, modulation, mean, misfit = (
+            np.ascontiguousarray(one[self._lattice.box]) for one in fields
+        )
+        return Demodulated(d, variance, modulation, mean, misfit)
+
+    def _read_pixels(self, nodes: NodeWindows, pixels: Demodulated, usable: Mask, count: int) -> FineSurface:
+        lattice, inner = self._lattice, self._grid.inner
+        surface = self._reader.follow(nodes.warp)
+        coarse_slope, coarse_depth = _continued(surface, inner)
+        share = np.clip(lattice.to_pixels(nodes.share[inner]), np.float32(0.0), np.float32(1.0))
+        away = continue_smoothly(
+            nodes.window - nodes.offset, np.asarray(np.isfinite(nodes.window).all(axis=-1))
+        )[inner]
+        level = lattice.to_pixels_exact(np.moveaxis(away, -1, 0))
+        footprint = self._footprint
+        d = pixels.d if footprint is None else footprint.sharpened(pixels.d, usable)
+        detail = pixel_detail(nodes.shown, d, level, PADDING, self._grid.spacing_px)
+        seen = usable & np.isfinite(detail).all(axis=-1)
+        # what moves may blur within the frames: there the nodes are read all the same
+        valid = lattice.enclosed(surface.valid[inner]) & (seen | (share < _LEAST_SHARE))
+        detail *= share[..., None]
+        detail[~seen] = 0.0
+        variance = np.where(seen[..., None], pixels.variance, np.float32(_MOST_SIGMA_PX**2))
+        lever, by_slope, turned = lever_planes(self._lever, coarse_depth, coarse_slope)
+        jacobian = np.moveaxis(nodes.bending[inner].reshape(*lattice.nodes, 4), -1, 0)
+        planes = Planes(*(lattice.to_pixels(one) for one in (turned, lever, by_slope, jacobian)))
+        start = lattice.to_pixels(np.moveaxis(coarse_slope, -1, 0))
+        slope, slope2 = pixel_slopes(detail, planes, variance, start)
+        valid = largest_part(valid & np.isfinite(slope[0] + slope2[0] + slope2[1]))
+        x, y = lattice.to_pixels_exact(np.stack([surface.x_mm[inner], surface.y_mm[inner]]))
+        level_mm = lattice.to_pixels_exact(coarse_depth)
+        error = self._integrated(slope, slope2, x, y, level_mm, valid)
+        scale = lattice.to_pixels_exact(self._reader.scale)
+        error -= _mean(error, lattice.enclosed(surface.anchor.mask[inner]) & valid, valid)
+        depth = level_mm + scale * error
+        if footprint is not None and footprint.divides:
+            before, depth = depth, footprint.divided(depth)
+            slope = slope + _gradient(depth - before, x, y)
+        sigma_slope2 = share**2 * slope2 + (1 - share) ** 2 * self._window_slope2(surface)
+        sigma2 = self._depth_variance(surface, x, y, slope2, share, valid)
+
+        def known(values: Float | Single) -> Single:
+            mask = valid.reshape(valid.shape + (1,) * (values.ndim - 2))
+            return np.where(mask, values, np.nan).astype(np.float32)
+
+        box = lattice.box
+        return FineSurface(
+            depth_mm=known(depth),
+            slope=known(np.moveaxis(slope, 0, -1)),
+            x_mm=x.astype(np.float32),
+            y_mm=y.astype(np.float32),
+            sigma_depth_mm=known(np.sqrt(sigma2)),
+            sigma_slope=known(np.moveaxis(np.sqrt(sigma_slope2), 0, -1)),
+            valid=valid,
+            share=share,
+            first_px=(box[0].start, box[1].start),
+            time_ns=surface.time_ns,
+            frames=count,
+            coarse=surface,
+            footprint_divided=footprint is not None and footprint.divides,
+        )
+
+    def _integrated(
+        self, slope: Single, slope2: Single, x: Float, y: Float, level_mm: Float, valid: Mask
+    ) -> Float:
+        """Depth less the level over h, (rows, cols), up to a constant."""
+        slopes = np.where(valid, slope, np.float32(0.0)).astype(np.float64)
+        across, down = depth_differences(np.moveaxis(slopes, 0, -1), x, y, valid)
+        h = self._lattice.to_pixels_exact(self._reader.scale)
+        lacking = (
+            ((across - np.diff(level_mm, axis=1)) / np.sqrt(h[:, 1:] * h[:, :-1])).astype(np.float32),
+            ((down - np.diff(level_mm, axis=0)) / np.sqrt(h[1:] * h[:-1])).astype(np.float32),
+        )
+        weights = step_weights(slope2, x, y, valid)
+        self._last = self._integrator.solve(lacking, weights, self._last)
+        return self._last.astype(np.float64)
+
+    def _window_slope2(self, surface: Surface) -> Single:
+        """Variance (2, rows, cols) of the nodes' slope between them."""
+        sigma = surface.sigma_slope[self._grid.inner]
+        whole = continue_smoothly(sigma, np.asarray(np.isfinite(sigma).all(axis=-1)))
+        return self._lattice.to_pixels(np.moveaxis(whole, -1, 0)) ** 2
+
+    def _depth_variance(
+        self, surface: Surface, x: Float, y: Float, slope2: Single, share: Single, valid: Mask
+    ) -> Float:
+        """Variance (rows, cols) of depth: the nodes', and the pixels' own beyond the nodes' window."""
+        inner = self._grid.inner
+        sigma = surface.sigma_depth_mm[inner]
+        both = continue_smoothly(np.stack([sigma, sigma], axis=-1), np.isfinite(sigma))[..., 0]
+        nodes2 = self._lattice.to_pixels_exact(both) ** 2
+        if not valid.any():
+            return nodes2
+        return nodes2 + share**2 * detail_variance(
+            slope2,
+            x,
+            y,
+            valid,
+            self._grid.period_px,
+            None if self._footprint is None else self._footprint.gain,
+        )
+
+
+def _continued(surface: Surface, inner: tuple[slice, slice]) -> tuple[Float, Float]:
+    """Slope (rows, cols, 2) and depth (rows, cols) of the inner nodes, continued where they were not read."""
+    slope, depth = surface.slope[inner], surface.depth_mm[inner]
+    known = np.isfinite(depth)
+    pair = continue_smoothly(np.stack([depth, depth], axis=-1), known)
+    return continue_smoothly(slope, known), pair[..., 0]
+
+
+def _gradient(depth_mm: Float, x: Float, y: Float) -> Single:
+    """Slope (2, rows, cols) of a depth at points x, y."""
+    (xv, xu), (yv, yu), (dv, du) = (np.gradient(one) for one in (x, y, depth_mm))
+    area = xu * yv - xv * yu
+    return np.stack([(yv * du - yu * dv) / area, (xu * dv - xv * du) / area]).astype(np.float32)
+
+
+def _mean(values: Float, among: Mask, otherwise: Mask) -> float:
+    """Mean over some pixels; over others where there are none."""
+    of = among if among.any() else otherwise
+    return float(values[of].mean()) if of.any() else 0.0
