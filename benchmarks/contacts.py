@@ -1,9 +1,9 @@
 """Contacts: area, place and border against the truth, beside a base image's blurred difference.
 
 A ball, a punch, a rod and a cone of 20 degrees, each black, grey and white, on the packaged bench at full
-size, with a pupil of 1.25 mm and dirt on the camera face that is there all the time: specks of 2 to 7 px and a
-scratch. They come down within 50 ms and are held; compared are the last frames of half a second. The border's
-rms is over its points' distances to the true contact's border.
+size, with a pupil of 1.25 mm and dirt on the camera face that is there all the time: specks of 2 to 7 px and
+a scratch. They come down within 50 ms and are held; compared are the last frames of half a second. The
+border's rms is over its points' distances to the true contact's border.
 
 The peer (`benchmarks.peers.base_image`) takes the difference to the last frame before the touch, from the
 same frames; its ellipse is taken to mm by the same rig. Time is the processor's, of one thread, per frame.

@@ -7,11 +7,11 @@ frames and stay for five, in the closed loop, with dirt on the camera face. Each
 places, as it is solved in elastic contact once. Counted are frames from the first in which the true contact
 covers 1 mm^2.
 
-Untouched: some hundred frames are rendered in the closed loop, with the same dirt, before noise. They are shown
-again and again, each time under the light of its own moment, a backlight that drifts by 0.5 % a minute and
-lamps on the mains, and with noise of its own: sensor and finder get them as in a run, the loop's answer is that
-of the frames rendered. At the end a ball touches, under the light as it is then: it is to be named, so that no
-finder that sees nothing passes.
+Untouched: some hundred frames are rendered in the closed loop, with the same dirt, before noise. They are
+shown again and again, each time under the light of its own moment, a backlight that drifts by 0.5 % a minute
+and lamps on the mains, and with noise of its own: sensor and finder get them as in a run, the loop's answer
+is that of the frames rendered. At the end a ball touches, under the light as it is then: it is to be named,
+so that no finder that sees nothing passes.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ class Touched:
 class Untouched:
     """Frames without a touch: how many, how many of them distinct before noise, named in how many.
 
-    light: that of the backlight at the end over that at the start. touch: whether the ball at the end was named.
+    light: the backlight's at the end over that at the start. touch: whether the ball at the end was named.
     """
 
     frames: int
@@ -241,7 +241,7 @@ def untouched(frames: int, distinct: int, seed: int) -> Untouched:
             image = moments.image(shown.nulled[int(draw.integers(len(shown.nulled)))], number)
             residual = sensor.measure(image)
             false += bool(finder.follow(image, residual, shown.surface, nulled=True))
-            if number % 1000 == 999:  # noqa: PLR2004
+            if number % 1000 == 999:
                 advance()
     named = False
     for k, light in enumerate(shown.touching):
