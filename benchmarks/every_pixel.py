@@ -58,7 +58,7 @@ SETTLED = 24
 """Frames after the press before those that are read."""
 REST_FRAMES = 60
 _PRESS_S = 0.1
-_OPEN_GAIN = 1e-9
+OPEN_GAIN = 1e-9
 """Gain of a loop that is open, and draws the picture at rest in every frame, so that its target steps."""
 
 
@@ -163,7 +163,7 @@ def dents(seeds: int, advance: Advance) -> tuple[list[Figure], list[list[str]], 
     for sigma_mm, (depth_mm, most_seen, most_divided) in DENTS.items():
         errors: dict[str, list[float]] = {name: [] for name in ("seen", "divided", "raw", "open", "Fourier")}
         for seed in range(seeds):
-            for gain in (1.0, _OPEN_GAIN):
+            for gain in (1.0, OPEN_GAIN):
                 rig = bench_rig(seed, gain=gain)
                 with pressed(rig, [(_PRESS_S, 0.0), (_PRESS_S, depth_mm)], sigma_mm) as narrow:
                     one = held(narrow)
@@ -243,7 +243,7 @@ def pads(seeds: int, advance: Advance) -> tuple[list[Figure], list[list[str]], d
     for depth_mm in PADS_MM:
         errors: dict[str, list[float]] = {name: [] for name in ("null", "open, stepping", "open, one frame")}
         for seed in range(seeds):
-            for gain in (1.0, _OPEN_GAIN):
+            for gain in (1.0, OPEN_GAIN):
                 rig = bench_rig(seed, view=None, binning=2, gain=gain)
                 with pressed(rig, [(_PRESS_S, 0.0), (_PRESS_S, depth_mm)]) as pad:
                     one = held(pad)

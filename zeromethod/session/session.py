@@ -296,7 +296,7 @@ class Session:
         """Read one step; in real time in a thread of its own."""
         measured = step.measured
         assert measured is not None
-        levelled = self._uneven.levelled(measured, step)
+        levelled = self._uneven.levelled(measured, step.state, step.zero)
         surface, deepest, read_ms = timed(lambda: self._surfaces.read(levelled))
         contacts = self._touching(step, surface)
         surface, deepest, contacts = self._contacts.carry(surface, deepest, contacts)
