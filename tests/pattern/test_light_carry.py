@@ -13,7 +13,7 @@ U, V = GRID.mesh()
 SIZE = (220, 180)
 ROW, COL = np.indices((SIZE[1], SIZE[0]), dtype=float)
 Q = np.stack([U + 30.3, V + 25.8], axis=-1)
-INSIDE = (COL > U[0, 2] + 31) & (COL < U[0, -3] + 30) & (ROW > V[2, 0] + 26) & (ROW < V[-3, 0] + 25)
+INSIDE = (U[0, 2] + 31 < COL) & (U[0, -3] + 30 > COL) & (V[2, 0] + 26 < ROW) & (V[-3, 0] + 25 > ROW)
 TARGET = Target()
 REGIONAL = ((1.0, 0.8), (1.1, 0.9))
 
@@ -41,7 +41,9 @@ def test_the_mean_light_of_pictures_is_wrong_by_what_the_last_left_out(gl_contex
         wrong.append(np.sqrt(np.mean(owed**2)) / (number + 1))
     assert max(apart) < 0.51
     steps = response.light(codes + 0.5) ** powers - response.light(codes - 0.5) ** powers
-    assert (np.abs(owed) < 0.52 * steps + 1e-4).all()  # half a code, and 2e-6 of the kept light in each picture
+    assert (
+        np.abs(owed) < 0.52 * steps + 1e-4
+    ).all()  # half a code, and 2e-6 of the kept light in each picture
     # 1 / N, and of one picture what rounding makes of an even spread
     assert wrong[0] == pytest.approx(np.sqrt(np.mean(steps**2) / 12), rel=0.1)
     assert wrong[23] == pytest.approx(wrong[0] / 24, rel=0.15)

@@ -1,4 +1,4 @@
-"""Codes summed as light in time: what rounding to whole codes leaves out goes into an LCD pixel's next picture.
+"""Codes summed as light in time: what rounding left out goes into an LCD pixel's next picture.
 
 A pixel is to give the light w_k in picture k and owes c_(k-1) from those before. It shows the whole code
 nearest to the light w_k + c_(k-1) by the panel's measured response, of light l_k, and then owes
