@@ -62,6 +62,17 @@ class _Together(LoadScopeScheduling):
         return next((folder for folder in SHARING if place.startswith(folder)), file)
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """A worker that only computes makes way for the one whose tests are in real time, from its first test on.
+
+    That one waits half of its time, so that there is one worker more than there are cores.
+    """
+    real_time = item.nodeid.removeprefix("tests/").startswith(REAL_TIME)
+    if "PYTEST_XDIST_WORKER" in os.environ and not real_time and not os.getpriority(os.PRIO_PROCESS, 0):
+        os.nice(5)
+
+
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> _Together:
     """Of several workers, one runs all tests in real time, one after the other."""
     config.option.loadscopereorder = False  # few tests in a file does not mean that they are short

@@ -5,10 +5,18 @@ import pytest
 
 from zeromethod import Session, binned, load_rig
 
+VIEW = {
+    "camera.columns": 320,
+    "camera.rows": 256,
+    "camera.centre_px": [159.5, 127.5],
+    "camera.pupil_mm": 1.25,
+}
+"""Pixels twice as large as the packaged bench's, of the middle of its view: the object has room in it."""
+
 
 @pytest.fixture(scope="module", params=["hertz", "punch"])
 def run(request):
-    rig = binned(load_rig("simulated"), 2).replace({"camera.pupil_mm": 1.25}, scenario=request.param)
+    rig = binned(load_rig("simulated"), 2).replace(VIEW, scenario=request.param)
     with Session(rig) as session:
         # from before the touch until it is settled
         return [(step, session.result.true_mirror(step.time_ns)) for step in session.run(seconds=0.5)]

@@ -28,9 +28,15 @@ def steep(**control: object):
 
 
 @pytest.fixture(scope="module")
-def run():
-    """Steps of a run, (warp, true warp, nodes visible) at its end, and the LCD pixels told."""
-    with steep() as rig, open_devices(rig) as devices, Session(rig, devices=devices) as session:
+def file(tmp_path_factory):
+    """Where the run is recorded."""
+    return tmp_path_factory.mktemp("burst") / "burst.h5"
+
+
+@pytest.fixture(scope="module")
+def run(file):
+    """Steps of a run."""
+    with steep() as rig, open_devices(rig) as devices, Session(rig, devices=devices, record=file) as session:
         return list(session.run(frames=FRAMES))
 
 
@@ -90,19 +96,15 @@ def test_always_begins_another_one():
     assert begins >= 2
 
 
-def test_a_recording_of_a_burst_replays_bit_for_bit(tmp_path):
-    file = tmp_path / "burst.h5"
-    with steep() as rig, open_devices(rig) as devices, Session(rig, devices=devices, record=file) as session:
-        list(session.run(frames=FRAMES))
+def test_a_recording_of_a_burst_replays_bit_for_bit(run, file):
     with Recording(file) as recording:
         warps, depths = replay_from_frames(recording, recording.rig, Window.of(recording))
     assert warps.different == depths.different == []
     assert warps.steps > 2 * PICTURES
 
 
-def test_coded_pictures_are_numbered_in_the_order_in_which_they_are_drawn():
-    with steep() as rig, opened(rig) as bench:
-        drawn = [one.coded for step in bench.loop.run(frames=FRAMES) for one in step.presented]
+def test_coded_pictures_are_numbered_in_the_order_in_which_they_are_drawn(run):
+    drawn = [one.coded for step in run for one in step.presented]
     numbers = [one for one in drawn if one is not None]
     assert sorted(set(numbers)) == list(range(PICTURES))
     assert numbers == sorted(numbers)

@@ -134,20 +134,47 @@ class Prism(Table):
         return self
 
 
+Support = Literal["bonded", "sliding", "free"]
+
+
+class FaceSupports(Table):
+    """What holds each face of the prism but the mirror.
+
+    "bonded": held fast; "sliding": held without friction, never lifted off; "free": not held. `ends`: both
+    faces across y. Raises InputError where nothing keeps the prism from moving.
+    """
+
+    pattern: Support = "bonded"
+    camera: Support = "bonded"
+    ends: Support = "free"
+
+    @model_validator(mode="after")
+    def _held(self) -> FaceSupports:
+        faces = self.pattern, self.camera, self.ends
+        if "bonded" not in faces and faces[:2] != ("sliding", "sliding"):
+            rule = "one face 'bonded', or pattern and camera 'sliding': else nothing holds the prism"
+            raise refused("pattern", self.pattern, rule)
+        return self
+
+
 class Rubber(Table):
     """How the rubber yields to what presses on it; the simulated bench alone uses it.
 
-    `support`: "free", a body so thick that its other faces do not matter; else a layer of `thickness_mm` on a
-    rigid base, "bonded" to it or "sliding" on it.
+    `support`: "free", a body so thick that its other faces do not matter; "bonded" or "sliding", a layer of
+    `thickness_mm` on a rigid base, bonded to it or sliding on it; by a table per face: the prism.
     """
 
     youngs_modulus_mpa: Positive = 1.0
     poisson: Annotated[float, Field(ge=0, le=0.5)] = 0.49
-    support: Literal["bonded", "sliding", "free"] = "free"
+    support: Support | FaceSupports = "free"
     thickness_mm: Positive | None = None
 
     @model_validator(mode="after")
     def _thick(self) -> Rubber:
+        if isinstance(self.support, FaceSupports):
+            if self.thickness_mm is not None:
+                raise refused("thickness_mm", self.thickness_mm, "only with support 'bonded' or 'sliding'")
+            return self
         if self.support != "free" and self.thickness_mm is None:
             raise refused("thickness_mm", None, f"a number above 0 for support '{self.support}'")
         if self.support == "free" and self.thickness_mm is not None:

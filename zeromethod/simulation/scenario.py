@@ -7,7 +7,7 @@ from pathlib import Path
 
 from zeromethod.resources import resource
 from zeromethod.rig.model import Rig
-from zeromethod.rig.tables import RestSurface, Rubber
+from zeromethod.rig.tables import Prism, RestSurface, Rubber
 from zeromethod.simulation.contact.bow import on_rest
 from zeromethod.simulation.contact.path import ObjectPath
 from zeromethod.simulation.contact.scene import scene_of
@@ -24,7 +24,8 @@ class Scenario:
     """Presses as they move, and the names of the run's parts.
 
     duration_s: how long a run of it lasts. phases: marks for a report ("hold", "slide"); they change
-    nothing in the physics. objects: hard ones, solved in contact with the rubber. rest: the mirror at rest.
+    nothing in the physics. objects: hard ones, solved in contact with the rubber. prism: that of the rubber,
+    with its mirror at rest; None for a flat mirror.
     """
 
     name: str
@@ -33,13 +34,15 @@ class Scenario:
     phases: tuple[Phase, ...] = ()
     objects: tuple[ObjectPath, ...] = ()
     rubber: Rubber = RUBBER
-    rest: RestSurface = FLAT
+    prism: Prism | None = None
 
     def mirror_at(self, time_ns: int) -> Mirror:
         """Return the mirror at `time_ns`; mirrors that are alike compare equal."""
         dents = (press.dent_at(time_ns) for press in self.presses)
         held = (each.held_at(time_ns) for each in self.objects)
-        scene = scene_of([on_rest(each, self.rest) for each in held if each is not None], self.rubber)
+        rest = FLAT if self.prism is None else self.prism.rest
+        objects = [on_rest(each, rest) for each in held if each is not None]
+        scene = scene_of(objects, self.rubber, self.prism)
         return Mirror((*(dent for dent in dents if dent is not None), *scene.dents), scene.touches)
 
     def bends_ns(self, from_ns: int, to_ns: int) -> tuple[int, ...]:
@@ -62,19 +65,19 @@ class Scenario:
         return None
 
 
-def load_scenario(name: str | Path, rubber: Rubber = RUBBER, rest: RestSurface = FLAT) -> Scenario:
+def load_scenario(name: str | Path, rubber: Rubber = RUBBER, prism: Prism | None = None) -> Scenario:
     """Scenario from a press file, or a packaged one by bare name ("default", "step", "none", ...).
 
-    rubber, rest: what hard objects press on, a rig's.
+    rubber, prism: what hard objects press on, a rig's.
     Raises InputError with one line: file, key, value, what is allowed.
     """
     path = Path(name)
     if not path.suffix and path.name == str(name):
         path = resource("calibration", "presses", f"{name}.toml")
     presses, objects, duration_s, phases = read_press_file(path, asked=str(name))
-    return Scenario(path.stem, presses, duration_s, phases, objects, rubber, rest)
+    return Scenario(path.stem, presses, duration_s, phases, objects, rubber, prism)
 
 
 def scenario_of(rig: Rig) -> Scenario:
     """Scenario that a rig names, on its rubber. Raises InputError as `load_scenario`."""
-    return load_scenario(rig.scenario, rig.rubber, rig.prism.rest)
+    return load_scenario(rig.scenario, rig.rubber, rig.prism)

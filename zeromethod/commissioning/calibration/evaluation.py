@@ -68,7 +68,7 @@ class Calibration:
         The geometry, with sigma.
     error : DepthError
         What the geometry's uncertainty makes of depth.
-    untold : tuple of Blend
+    open_blends : tuple of Blend
         What the data do not determine.
     gains : tuple of Gain
         What to measure next, and what it would bring.

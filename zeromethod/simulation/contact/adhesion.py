@@ -32,9 +32,13 @@ class Round:
 
 
 class BallContact:
-    """A ball on rubber, for any radius of contact."""
+    """A ball on rubber, for any radius of contact.
 
-    def __init__(self, rubber: Rubber, radius_mm: float) -> None:
+    added_mm_per_n: displacement besides that of a half-space or layer, the same all over the contact.
+    """
+
+    def __init__(self, rubber: Rubber, radius_mm: float, added_mm_per_n: float = 0.0) -> None:
+        self._added_mm_per_n = added_mm_per_n
         self._rubber = rubber
         self._modulus = Compliance(rubber).modulus_mpa
         self._radius_mm = radius_mm
@@ -51,10 +55,10 @@ class BallContact:
         edge = -np.sqrt(2 * contact_mm * self._modulus * adhesion_n_mm / np.pi)
         depth = float((edge - ball[-1]) / flat[-1])
         force = float(2 * np.pi * (weight * (depth * flat + ball)).sum())
-        return Round(force, depth, float(edge))
+        return Round(force, depth + self._added_mm_per_n * force, float(edge))
 
     def _kernel(self, x: Float, t: Float) -> Float:
-        if self._rubber.support == "free":
+        if self._rubber.thickness_mm is None:
             return np.zeros(np.broadcast_shapes(x.shape, t.shape))
         thickness = self._rubber.thickness_mm or np.inf
         nodes, weights = np.polynomial.legendre.leggauss(_WAVE_POINTS)

@@ -1,24 +1,33 @@
-"""How rubber yields under pressure: the displacement of a half-space or of a layer on a rigid base.
+"""How rubber yields under pressure: a half-space, a layer on a rigid base, or the rig's prism.
+
+What a prism adds to a half-space (`zeromethod.rubber`) is smooth, and depends on where on the mirror load and
+place are.
 
 Convention: displacement > 0 into the rubber; lengths in mm, moduli and pressures in MPa, forces in N.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from numpy.polynomial import chebyshev
 from scipy.fft import irfft2, next_fast_len, rfft2
 from scipy.special import j0
 
 from zeromethod.arrays import Float
-from zeromethod.rig.tables import Rubber
+from zeromethod.errors import InputError
+from zeromethod.rig.tables import FaceSupports, Prism, Rubber
+from zeromethod.rubber.prism import HeldPrism, PrismKernel, prism_kernel
 
 _WAVES = 30.0
 """Wave number x thickness beyond which a layer yields as a half-space does: exp(-60) is left."""
 _PANELS, _NODES = 40, 30
 _TABLE = 3000
+_SMOOTH = 13
+"""Points along each side of a lattice of pressures at which what a prism adds is known."""
 
 
 def layer_factor(waves: Float, poisson: float, *, bonded: bool) -> Float:
@@ -40,9 +49,31 @@ def layer_factor(waves: Float, poisson: float, *, bonded: bool) -> Float:
 
 @dataclass(frozen=True)
 class Compliance:
-    """The surface's answer to pressure, of a rig's rubber."""
+    """The surface's answer to pressure, of a rig's rubber.
+
+    prism: the rig's, where the rubber's support is given per face.
+    """
 
     rubber: Rubber
+    prism: Prism | None = None
+
+    @property
+    def body(self) -> PrismKernel | None:
+        """What the prism adds to a half-space; None for a half-space and a layer.
+
+        Raises InputError for a support per face without a prism.
+        """
+        if not isinstance(self.rubber.support, FaceSupports):
+            return None
+        if self.prism is None:
+            raise InputError("rubber.support: per face only with the prism of a rig")
+        return prism_kernel(HeldPrism.of(self.prism, self.rubber.support, self.rubber.poisson))
+
+    def of_body(self, places_mm: Float, forces_mm: Float) -> Float:
+        """(places, forces) mm per N that the prism adds at places (2, n) by forces at places (2, m)."""
+        if self.body is None:
+            return np.zeros((places_mm.shape[1], forces_mm.shape[1]))
+        return self.body.between(places_mm, forces_mm) / self.rubber.youngs_modulus_mpa
 
     @property
     def modulus_mpa(self) -> float:
@@ -66,12 +97,12 @@ class Compliance:
         return np.asarray(space + pitch_mm**2 * self.of_layer(np.hypot(x_mm, y_mm)))
 
     def of_force(self, distance_mm: Float) -> Float:
-        """Displacement, mm, at a distance (> 0) from a force of 1 N."""
+        """Displacement, mm, at a distance (> 0) from a force of 1 N; but for `of_body`."""
         return np.asarray(1 / (np.pi * self.modulus_mpa * distance_mm) + self.of_layer(distance_mm))
 
     def of_layer(self, distance_mm: Float) -> Float:
         """What the base adds to a half-space's displacement under a force of 1 N, mm; 0 for a half-space."""
-        if self.rubber.support == "free":
+        if self.rubber.thickness_mm is None:
             return np.zeros_like(distance_mm)
         radii, values = _layer_table(self.rubber)
         return np.interp(distance_mm, radii, values)
@@ -98,13 +129,34 @@ def _layer_table(rubber: Rubber) -> tuple[Float, Float]:
 class Spread:
     """Displacement of a lattice under pressures on a lattice inside it: a convolution with zero padding.
 
-    Both have one pitch; the outer reaches `margin` points further on every side.
+    Both have one pitch; the outer reaches `margin` points further on every side. What a prism adds is known
+    at some points of the lattice of pressures, and a polynomial between.
     """
 
     def __init__(
-        self, compliance: Compliance, shape: tuple[int, int], pitch_mm: float, margin: int = 0
+        self,
+        compliance: Compliance,
+        shape: tuple[int, int],
+        pitch_mm: float,
+        margin: int = 0,
+        world: Callable[[Float, Float], tuple[Float, Float]] | None = None,
     ) -> None:
-        """shape: (rows, cols) of the pressures."""
+        """shape: (rows, cols) of the pressures.
+
+        world: from places (along, across) about the lattice's middle, mm, to the mirror's, for a lattice
+        without margin; without it nothing is added for a prism.
+        """
+        self._added: Float | None = None
+        if world is not None and compliance.body is not None:
+            half = [0.5 * pitch_mm * (n - 1) for n in shape]
+            points = chebyshev.chebpts1(_SMOOTH)
+            at = np.stack([each.ravel() for each in world(*np.meshgrid(half[1] * points, half[0] * points))])
+            self._added = pitch_mm**2 * compliance.of_body(at, at)
+            inverse = np.linalg.inv(chebyshev.chebvander(points, _SMOOTH - 1))
+            rows_by, cols_by = (
+                chebyshev.chebvander(np.linspace(-1, 1, n), _SMOOTH - 1) @ inverse for n in shape
+            )
+            self._by = rows_by, cols_by
         rows, cols = (int(n + 2 * margin) for n in shape)
         self._size = tuple(
             next_fast_len(n + out - 1, real=True) for n, out in zip(shape, (rows, cols), strict=True)
@@ -117,4 +169,8 @@ class Spread:
     def displacement(self, pressure_mpa: Float) -> Float:
         """(rows + 2 margin, cols + 2 margin) mm under pressures (rows, cols), MPa."""
         whole = irfft2(rfft2(pressure_mpa, self._size) * self._transfer, self._size)
-        return np.asarray(whole[self._take])
+        if self._added is None:
+            return np.asarray(whole[self._take])
+        rows, cols = self._by
+        gathered = self._added @ (rows.T @ pressure_mpa @ cols).ravel()
+        return np.asarray(whole[self._take] + rows @ gathered.reshape(_SMOOTH, _SMOOTH) @ cols.T)

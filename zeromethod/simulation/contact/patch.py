@@ -105,9 +105,7 @@ class Presser:
         """The contact beside `others`. Raises InputError where objects run into each other."""
         if self._lattice is None:
             self._lattice = self._sized(others)
-            self._spread = Spread(
-                self._compliance, (self._lattice.rows, self._lattice.cols), self._lattice.pitch_mm
-            )
+            self._spread = self._spread_on(self._lattice)
             self._pressure = np.zeros((self._lattice.rows, self._lattice.cols))
         assert self._spread is not None
         found = self._found(self._lattice, self._spread, self._pressure, others)
@@ -125,7 +123,7 @@ class Presser:
             half = np.full(2, 1.02 * self._ball_radius_mm())
         for _ in range(_LARGEST):
             rough = Lattice.over((float(half[0]), float(half[1])), _FIRST_CELLS)
-            spread = Spread(self._compliance, (rough.rows, rough.cols), rough.pitch_mm)
+            spread = self._spread_on(rough)
             found = self._found(rough, spread, np.zeros((rough.rows, rough.cols)), others)
             rows, cols = np.nonzero(found.touching)
             if not rows.size:
@@ -139,8 +137,18 @@ class Presser:
             half *= 1.5
         raise InputError("object: held so deep that its contact has no end: a smaller depth or force")
 
+    def _spread_on(self, lattice: Lattice) -> Spread:
+        shape = lattice.rows, lattice.cols
+        return Spread(self._compliance, shape, lattice.pitch_mm, world=self._held.world)
+
+    def _ball(self) -> BallContact:
+        """A sticking ball's contact, which is so small that what a prism adds is the same all over it."""
+        at = np.array([[self._held.x_mm], [self._held.y_mm]])
+        added = float(self._compliance.of_body(at, at)[0, 0])
+        return BallContact(self._compliance.rubber, self._held.solid.radius_mm, added)
+
     def _ball_radius_mm(self) -> float:
-        ball = BallContact(self._compliance.rubber, self._held.solid.radius_mm)
+        ball = self._ball()
         work = 1e-3 * self._held.solid.adhesion_j_m2  # J/m^2 are N/m
         return ball.radius_for(work, depth_mm=self._held.depth_mm, force_n=self._held.force_n)
 
@@ -153,8 +161,7 @@ class Presser:
             radius = self._ball_radius_mm()
             depth = held.depth_mm
             if depth is None:
-                ball = BallContact(self._compliance.rubber, solid.radius_mm)
-                depth = ball.within(radius, 1e-3 * solid.adhesion_j_m2).depth_mm
+                depth = self._ball().within(radius, 1e-3 * solid.adhesion_j_m2).depth_mm
             touching = along**2 + across**2 < radius**2
             return Patch(held, lattice, press_on(spread, profile - depth, touching), touching, radius)
         if held.force_n is not None:
@@ -181,5 +188,7 @@ class Presser:
             bx, by, force = other.blocks()
             away = np.hypot(x[..., None] - bx, y[..., None] - by)
             rough += self._compliance.of_force(np.maximum(away, other.lattice.pitch_mm)) @ force
+            places = np.stack((x.ravel(), y.ravel()))
+            rough += (self._compliance.of_body(places, np.stack((bx, by))) @ force).reshape(x.shape)
         smooth = RectBivariateSpline(across, along, rough)
         return np.asarray(smooth(lattice.across_mm, lattice.along_mm))

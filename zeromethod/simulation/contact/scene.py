@@ -16,7 +16,7 @@ from scipy.ndimage import spline_filter
 
 from zeromethod.arrays import Float
 from zeromethod.errors import InputError
-from zeromethod.rig.tables import Rubber
+from zeromethod.rig.tables import Prism, Rubber
 from zeromethod.simulation.contact.compliance import Compliance, Spread
 from zeromethod.simulation.contact.objects import Held
 from zeromethod.simulation.contact.patch import Patch, Presser
@@ -43,24 +43,27 @@ class Scene:
     touches: tuple[Touch, ...] = ()
 
 
-def scene_of(held: Sequence[Held], rubber: Rubber) -> Scene:
+def scene_of(held: Sequence[Held], rubber: Rubber, prism: Prism | None = None) -> Scene:
     """Contact of objects held at one instant; the newest are kept, wherever on the mirror they are.
 
+    prism: the rig's; it matters where the rubber's support is given per face, and then so does the place.
     Raises InputError where objects run into each other, or a depth is without sense.
     """
     if not held:
         return Scene()
+    compliance = Compliance(rubber, prism)
+    if compliance.body is not None:
+        return _solved(tuple(held), compliance)
     x0, y0 = held[0].x_mm, held[0].y_mm
     # moved together, the objects do the same to the rubber
     alike = tuple(replace(h, x_mm=round(h.x_mm - x0, 9), y_mm=round(h.y_mm - y0, 9)) for h in held)
-    found = _solved(alike, rubber)
+    found = _solved(alike, Compliance(rubber))
     dents = tuple(replace(dent, x_mm=dent.x_mm + x0, y_mm=dent.y_mm + y0) for dent in found.dents)
     return Scene(dents, tuple(touch.moved(x0, y0) for touch in found.touches))
 
 
 @lru_cache(_KEPT)
-def _solved(held: tuple[Held, ...], rubber: Rubber) -> Scene:
-    compliance = Compliance(rubber)
+def _solved(held: tuple[Held, ...], compliance: Compliance) -> Scene:
     pressers = [Presser(each, compliance) for each in held]
     patches: list[Patch] = []
     for presser in pressers:
@@ -94,24 +97,27 @@ def _check_apart(patches: list[Patch]) -> None:
 
 def _depth_maps(patch: Patch, compliance: Compliance) -> tuple[Dent, Dent]:
     """(wide, fine) dents that add up to what the patch's pressures do to the surface."""
-    wide = _wide_map(patch, compliance)
+    depth = _wide_depth(patch, compliance)
+    wide = _wide_map(patch, depth)
     lattice, held = patch.lattice, patch.held
     along, across = lattice.mesh()
     half = min(np.abs(along[patch.touching]).max(), np.abs(across[patch.touching]).max())
     margin = int(np.ceil(min(FINE_MM, 3 * half) / lattice.pitch_mm))
     spread = Spread(compliance, (lattice.rows, lattice.cols), lattice.pitch_mm, margin)
-    depth = spread.displacement(patch.pressed.pressure_mpa)
-    rows, cols = depth.shape
+    near = spread.displacement(patch.pressed.pressure_mpa)
+    rows, cols = near.shape
     at_along = lattice.pitch_mm * (np.arange(cols) - (cols - 1) / 2)
     at_across = lattice.pitch_mm * (np.arange(rows) - (rows - 1) / 2)
     x, y = held.world(*np.meshgrid(at_along, at_across))
     fade = np.outer(_fade(rows, margin), _fade(cols, margin))
-    lacks = fade * (depth - wide.field(x, y)[0])
+    lacks = fade * (near - wide.field(x, y)[0])
     coefficients = spline_filter(np.pad(lacks, MARGIN), order=3, mode="mirror")
     fine = Dent(
         Shape.MAP, held.x_mm, held.y_mm, 1.0, lattice.pitch_mm,
         angle_deg=held.solid.angle_deg, map=lacks, map_coefficients=coefficients,
     )  # fmt: skip
+    if compliance.body is not None:
+        wide = _wide_map(patch, depth + _of_body(patch, compliance))
     return wide, fine
 
 
@@ -122,11 +128,38 @@ def _fade(count: int, margin: int) -> Float:
     return np.asarray(ramp**3 * (10 - 15 * ramp + 6 * ramp**2))
 
 
-def _wide_map(patch: Patch, compliance: Compliance) -> Dent:
-    """Depth on a lattice along x and y about the object, exact some pitches away from the contact."""
+def _wide_shape() -> tuple[int, int]:
+    """(cols, rows) of the wide map."""
+    along, across = (2 * round(reach / WIDE_PITCH_MM) + 1 for reach in WIDE_MM)
+    return along, across
+
+
+def _wide_map(patch: Patch, depth: Float) -> Dent:
+    """Depth on the wide lattice about the object as a dent."""
+    held = patch.held
+    coefficients = spline_filter(depth, order=3, mode="mirror")
+    return Dent(Shape.MAP, held.x_mm, held.y_mm, 1.0, WIDE_PITCH_MM, map=depth, map_coefficients=coefficients)
+
+
+def _of_body(patch: Patch, compliance: Compliance) -> Float:
+    """What the prism adds, on the wide lattice; beyond the mirror as at its border."""
+    body, held = compliance.body, patch.held
+    assert body is not None
+    x, y = (
+        np.asarray(middle + WIDE_PITCH_MM * (np.arange(n) - (n - 1) / 2), dtype=np.float64)
+        for middle, n in zip((held.x_mm, held.y_mm), _wide_shape(), strict=True)
+    )
+    return body.on_grid(body.of_forces(*patch.loads()), x, y) / compliance.rubber.youngs_modulus_mpa
+
+
+def _wide_depth(patch: Patch, compliance: Compliance) -> Float:
+    """Depth on a lattice along x and y about the object, exact some pitches away from the contact.
+
+    That of a half-space or layer, what a prism adds left out.
+    """
     x, y, force = patch.loads()
     held = patch.held
-    cols, rows = (2 * round(reach / WIDE_PITCH_MM) + 1 for reach in WIDE_MM)
+    cols, rows = _wide_shape()
     forces = np.zeros((rows, cols))
     u = (x - held.x_mm) / WIDE_PITCH_MM + (cols - 1) / 2
     v = (y - held.y_mm) / WIDE_PITCH_MM + (rows - 1) / 2
@@ -138,9 +171,7 @@ def _wide_map(patch: Patch, compliance: Compliance) -> Dent:
     for b in range(4):
         for a in range(4):
             np.add.at(forces, (j + b - 1, i + a - 1), force * by_u[a] * by_v[b])
-    depth = _of_forces(forces, compliance)
-    coefficients = spline_filter(depth, order=3, mode="mirror")
-    return Dent(Shape.MAP, held.x_mm, held.y_mm, 1.0, WIDE_PITCH_MM, map=depth, map_coefficients=coefficients)
+    return _of_forces(forces, compliance)
 
 
 def _lagrange(t: Float) -> tuple[Float, ...]:

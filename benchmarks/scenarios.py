@@ -1,0 +1,289 @@
+"""Whatever may come: random scenarios, and whether what is called good is within three of its own sigma.
+
+One to three presses at once, each a soft dent (pad, ball, straight edge) or a hard object in elastic contact
+(ball, punch, cone, rod, finger), 1 um to 1 mm deep, black, grey or white; there at once, or let down over
+some frames, and some slide. Half of the benches have their prism's rubber bonded to its two lower faces, the
+others are half-spaces. Noise of 1 to 4 grey levels; on half of them dust, scratches and bubbles. The packaged
+bench with four times larger pixels and a pupil of 1.25 mm, its geometry known.
+
+Counted are the nodes called valid in all frames whose state is nulled (locked, resting, covered): depth less
+the true one, over sigma. What cannot be nulled need not be good. Results are kept line by line with
+--results, and a run that is started again with the same file goes on.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+from benchmarks.calibration_benches import View
+from benchmarks.report import Figure, Report, benchmark, start
+from benchmarks.rigs import small_rig
+from zeromethod.cli.numbers import Whole
+from zeromethod.devices.opening import open_devices
+from zeromethod.errors import InputError, MeasurementError
+from zeromethod.loop.state import NULLED
+from zeromethod.rig.model import Rig
+from zeromethod.session.session import Session
+from zeromethod.simulation.camera import SimulatedCamera
+from zeromethod.simulation.contact.objects import ALBEDO, Form, Solid
+from zeromethod.simulation.contact.path import ObjectPath
+from zeromethod.simulation.path import PathPoint, PressPath
+from zeromethod.simulation.press import Dent, Shape
+from zeromethod.simulation.scenario import Scenario
+from zeromethod.view.progress import progress
+
+COUNT, QUICK = 200, 12
+SEED = 61
+COME_AT, LAST = 24, 60
+"""Frames: untouched before (dirt is learned in 16), and of a run."""
+SIGMAS, BAR = 3.0, 0.01
+DEPTHS_MM = (1e-3, 1.0)
+HOW_MANY = (0.5, 0.3, 0.2)
+"""Shares of scenarios with one, two and three presses."""
+SLIDE_MM_S = 10.0
+PUPIL_MM = 1.25
+APART_MM = 9.0
+"""Least distance of presses at once: hard contacts on each other are no scene."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A scenario, and the rig on which it plays."""
+
+    name: str
+    rig: Rig
+    scenario: Scenario
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of a scenario.
+
+    good: share of frames after the presses that were called nulled. nodes, beyond: counted in those and in
+    the untouched ones, and those off by more than three sigma. worst: largest error over sigma.
+    pressed_nodes, pressed_beyond: those of frames with a press. state: the last one.
+    """
+
+    number: int
+    name: str
+    state: str
+    good: float
+    nodes: int
+    beyond: int
+    pressed_nodes: int
+    pressed_beyond: int
+    worst: float
+    largest_mm: float
+
+
+def _size(draw: np.random.Generator, low: float, high: float) -> float:
+    return float(np.exp(draw.uniform(np.log(low), np.log(high))))
+
+
+def _solid(draw: np.random.Generator) -> Solid:
+    albedo = list(ALBEDO.values())[int(draw.integers(len(ALBEDO)))]
+    angle = float(draw.uniform(0.0, 180.0))
+    kind = int(draw.integers(5))
+    if kind == 0:
+        return Solid(Form.BALL, _size(draw, 5.0, 80.0), albedo=albedo)
+    if kind == 1:
+        return Solid(Form.PUNCH, _size(draw, 0.6, 4.0), albedo=albedo)
+    if kind == 2:
+        return Solid(Form.CONE, flank_deg=float(draw.uniform(3.0, 20.0)), albedo=albedo)
+    if kind == 3:
+        length = float(draw.uniform(4.0, 10.0))
+        return Solid(Form.EDGE, _size(draw, 3.0, 20.0), length_mm=length, angle_deg=angle, albedo=albedo)
+    return Solid(
+        Form.FINGER, _size(draw, 8.0, 15.0), ridge_pitch_mm=0.45, ridge_height_mm=0.03, angle_deg=angle,
+        albedo=albedo,
+    )  # fmt: skip
+
+
+def _dent(draw: np.random.Generator, x_mm: float, y_mm: float, depth_mm: float) -> Dent:
+    kind = int(draw.integers(3))
+    if kind == 0:
+        return Dent(Shape.GAUSSIAN, x_mm, y_mm, depth_mm, _size(draw, 2.0, 15.0))
+    if kind == 1:
+        return Dent(Shape.BALL, x_mm, y_mm, depth_mm, _size(draw, 1.0, 6.0) ** 2 / depth_mm)
+    angle = float(draw.uniform(0.0, 180.0))
+    return Dent(
+        Shape.EDGE,
+        x_mm,
+        y_mm,
+        depth_mm,
+        _size(draw, 2.0, 6.0),
+        float(draw.uniform(4.0, 12.0)),
+        angle_deg=angle,
+    )
+
+
+def _course(
+    rig: Rig, draw: np.random.Generator, x_mm: float, y_mm: float, depth_mm: float, *, slides: bool
+) -> tuple[PathPoint, ...]:
+    """At once, or in four frames; half of those that may slide do so after that."""
+    rate = rig.camera.rate_hz
+    come = COME_AT + int(draw.integers(8))
+    start_ns, down_ns = (round(1e9 * frame / rate) for frame in (come, come + 4 * int(draw.integers(2))))
+    points = [PathPoint(start_ns, x_mm, y_mm, 0.0), PathPoint(down_ns, x_mm, y_mm, depth_mm)]
+    if slides and draw.uniform() < 0.5:
+        away, end_ns = draw.uniform(0, 2 * np.pi), round(1e9 * LAST / rate)
+        way = SLIDE_MM_S * 1e-9 * (end_ns - down_ns)
+        x_to, y_to = x_mm + float(np.cos(away)) * way, y_mm + float(np.sin(away)) * way
+        points.append(PathPoint(end_ns, x_to, y_to, depth_mm))
+    return tuple(points)
+
+
+def case(number: int) -> Case:
+    """Scenario of that number, always the same."""
+    draw = np.random.default_rng([SEED, number])
+    prism = bool(number % 2)
+    dirt = {
+        "dust": int(draw.integers(1, 20)),
+        "scratches": int(draw.integers(3)),
+        "bubbles": int(draw.integers(5)),
+    }
+    dirty = bool(draw.integers(2))
+    rig = small_rig().model_copy(update={"scenario": "none"})
+    noise = {**rig.camera.noise.model_dump(), "read_grey": _size(draw, 1.0, 4.0)}
+    rig = rig.replace(
+        {"camera.pupil_mm": PUPIL_MM, "camera.noise.read_grey": noise["read_grey"], "simulation.seed": number}
+        | ({f"simulation.nuisances.{key}": value for key, value in dirt.items()} if dirty else {})
+        | ({"rubber.support": {"pattern": "bonded", "camera": "bonded", "ends": "free"}} if prism else {})
+    )
+    view = View(rig)
+    places: list[tuple[float, float]] = []
+    names: list[str] = []
+    paths: list[PressPath] = []
+    objects: list[ObjectPath] = []
+    for one in range(1 + int(draw.choice(3, p=HOW_MANY))):
+        for _ in range(100):
+            x, y = view.place(float(draw.uniform(0.05, 0.95)), float(draw.uniform(0.05, 0.95)))
+            if all(np.hypot(x - px, y - py) > APART_MM for px, py in places):
+                break
+        places.append((x, y))
+        depth_mm = _size(draw, *DEPTHS_MM)
+        if draw.uniform() < 0.5:
+            dent = _dent(draw, x, y, depth_mm)
+            paths.append(PressPath(dent, _course(rig, draw, x, y, depth_mm, slides=True)))
+            names.append(f"{dent.shape.value} {1e3 * depth_mm:.3g} µm")
+        else:
+            solid = _solid(draw)
+            jump = _course(rig, draw, x, y, depth_mm, slides=False)
+            # solved once for all: hard objects come at once
+            jump = (replace(jump[0], time_ns=jump[-1].time_ns), jump[-1])
+            objects.append(ObjectPath(solid, jump, number=one))
+            names.append(f"hard {solid.form.value} {1e3 * depth_mm:.3g} µm")
+    words = ", ".join(names) + (", dirt" if dirty else "") + (", prism" if prism else "")
+    scenario = Scenario("scenario", tuple(paths), 1e9, (), tuple(objects), rig.rubber, rig.prism)
+    return Case(words, rig, scenario)
+
+
+def judged(number: int) -> Outcome:
+    """Run a scenario, and hold every node that is called good against the truth."""
+    one = case(number)
+    counts = np.zeros((2, 2), dtype=int)  # untouched and pressed; nodes and those beyond
+    worst = largest_mm = 0.0
+    good = frames = 0
+    state = "none"
+    with open_devices(one.rig) as devices:
+        camera = devices.camera
+        assert isinstance(camera, SimulatedCamera)
+        camera.scenario = one.scenario
+        with Session(one.rig, devices=devices) as session:
+            for step in session.run(frames=LAST):
+                state = step.state.value
+                pressed = int((step.frame_number or 0) > COME_AT)
+                frames += pressed
+                good += pressed and step.state in NULLED
+                surface = step.surface
+                if surface is None or step.state not in NULLED:
+                    continue
+                valid = surface.valid
+                true_mm = camera.truth(step.time_ns).depth(surface.x_mm[valid], surface.y_mm[valid])
+                error_mm = np.abs(surface.depth_mm[valid] - true_mm)
+                ratio = error_mm / surface.sigma_depth_mm[valid]
+                counts[pressed] += ratio.size, int(np.count_nonzero(~(ratio <= SIGMAS)))
+                if ratio.size and ratio.max() > worst:
+                    worst, largest_mm = float(ratio.max()), float(error_mm[ratio.argmax()])
+    nodes, beyond = counts.sum(axis=0)
+    return Outcome(
+        number, one.name, state, good / max(frames, 1), int(nodes), int(beyond), int(counts[1, 0]),
+        int(counts[1, 1]), worst, largest_mm,
+    )  # fmt: skip
+
+
+def summarise(outcomes: Sequence[Outcome], refused: Sequence[str]) -> Report:
+    """The bar, and a line for each scenario that has more than the bar's share beyond."""
+    nodes, beyond = sum(one.nodes for one in outcomes), sum(one.beyond for one in outcomes)
+    pressed = sum(one.pressed_beyond for one in outcomes) / max(sum(one.pressed_nodes for one in outcomes), 1)
+    share = beyond / max(nodes, 1)
+    over = [one for one in outcomes if one.pressed_beyond > BAR * max(one.pressed_nodes, 1)]
+    figures = [
+        Figure("nodes called good beyond 3 sigma", f"{share:.2%}", f"<= {BAR:.0%}", share <= BAR),
+        Figure("the same, frames with a press alone", f"{pressed:.2%}", f"<= {BAR:.0%}", pressed <= BAR),
+        Figure("scenarios with more than that beyond while pressed", f"{len(over)} of {len(outcomes)}"),
+        Figure("nodes counted", f"{nodes}"),
+        Figure(
+            "scenarios nulled at the end",
+            f"{sum(one.state in NULLED for one in outcomes)} of {len(outcomes)}",
+        ),
+        Figure("drawn but no scene (contacts on each other, without end)", f"{len(refused)}"),
+    ]
+    details: list[Sequence[str]] = [
+        ("number", "scenario", "state", "nulled", "beyond, pressed", "worst, sigmas", "off, µm")
+    ]
+    details += [
+        (
+            f"{one.number}", one.name, one.state, f"{one.good:.0%}",
+            f"{one.pressed_beyond / one.pressed_nodes:.1%}",
+            f"{one.worst:.1f}", f"{1e3 * one.largest_mm:.2f}",
+        )
+        for one in sorted(over, key=lambda one: -one.pressed_beyond)
+    ]  # fmt: skip
+    data: dict[str, Any] = {"scenarios": [asdict(one) for one in outcomes], "refused": list(refused)}
+    return Report("Random scenarios: what is called good, against its own sigma", figures, details, data)
+
+
+@benchmark(
+    "scenarios",
+    __doc__,
+    click.option("--scenarios", type=Whole(min=1), default=COUNT, show_default=True, help="How many."),
+    click.option("--first", type=Whole(min=0), default=0, show_default=True, help="Number of the first."),
+    click.option(
+        "--results", type=click.Path(dir_okay=False, path_type=Path), help="Lines of JSON to go on from."
+    ),
+)
+def command(quick: bool, scenarios: int, first: int, results: Path | None) -> Report:
+    """Run what is missing, and judge all."""
+    return measure(range(first, first + (QUICK if quick else scenarios)), results)
+
+
+def measure(numbers: Sequence[int], results: Path | None) -> Report:
+    """Scenarios of these numbers; those in `results` are taken from there, the others added to it."""
+    lines = results.read_text().splitlines() if results is not None and results.exists() else []
+    known = {entry["number"]: entry for entry in map(json.loads, lines)}
+    with progress(len(numbers), "scenarios") as advance:
+        for number in numbers:
+            if number not in known:
+                try:
+                    known[number] = asdict(judged(number))
+                except (InputError, MeasurementError) as error:
+                    known[number] = {"number": number, "refused": str(error)}
+                if results is not None:
+                    with results.open("a") as file:
+                        file.write(json.dumps(known[number]) + "\n")
+            advance(f"{number}")
+    mine = [known[number] for number in numbers]
+    refused = [f"{entry['number']}: {entry['refused']}" for entry in mine if "refused" in entry]
+    return summarise([Outcome(**entry) for entry in mine if "refused" not in entry], refused)
+
+
+if __name__ == "__main__":
+    start(command)
