@@ -74,7 +74,9 @@ def _squares(wave: Float) -> Float:
     return out
 
 
-def detail_variance(slope2: Single, x_mm: Float, y_mm: Float, valid: Mask, period_px: int) -> Float:
+def detail_variance(
+    slope2: Single, x_mm: Float, y_mm: Float, valid: Mask, period_px: int, gain: Float | None = None
+) -> Float:
     """Variance (rows, cols), mm^2, of depth by the pixels' noise beyond the sensing window.
 
     slope2: (2, rows, cols) variance of the slope, rad^2, which varies slowly over the view: the variance goes
@@ -88,7 +90,7 @@ def detail_variance(slope2: Single, x_mm: Float, y_mm: Float, valid: Mask, perio
         x2, y2 = (float(np.mean(one[valid])) for one in slope2)
         steps.append(float(np.sqrt(step2)))
         variances.append((x2 * dx * dx + y2 * dy * dy) / step2)
-    wave = wave_variance((rows, cols), (steps[0], steps[1]), (variances[0], variances[1]))
+    wave = wave_variance((rows, cols), (steps[0], steps[1]), (variances[0], variances[1]), gain)
     down, across = (transfer(period_px, np.maximum(np.arange(n), 1e-6) / (2 * n)) for n in (rows, cols))
     whole = wave * (1.0 - np.outer(down, across) ** 2)
     level = np.mean(slope2, axis=0)
