@@ -5,8 +5,8 @@ bits. Narrow shapes in a view of 384 x 320 px of full size:
 
 - Gaussian dents at half the depth at which they fold: the peak of the fine surface "as seen", against the
 mirror
-  averaged over the pupil's footprint, and with the footprint and the lens's blur divided out, against the
-  mirror;
+  averaged over the pupil's footprint and the lens's blur, and with the footprint and the lens's blur divided
+  out, against the mirror;
 - a wave of 0.6 mm pitch, 0.05 um high: its height against the response predicted from footprint and pixel;
 - both by an open loop that steps its phases too (the picture of the mirror at rest stays, the same number of
   frames is fitted pixel by pixel), and by Fourier demodulation of each of these frames, averaged.
@@ -147,14 +147,20 @@ def footprint_px(rig: Rig) -> Float:
 
 
 def seen_peak_mm(one: Held, surface: FineSurface) -> float:
-    """Depth of the mirror in the middle of the view, averaged over the footprint."""
+    """Depth of the mirror in the middle of the view, averaged over the footprint and the lens's blur."""
     row, col = (n // 2 for n in surface.depth_mm.shape)
     by_u = [float(np.gradient(f[row, col - 2 : col + 3])[2]) for f in (surface.x_mm, surface.y_mm)]
     by_v = [float(np.gradient(f[row - 2 : row + 3, col])[2]) for f in (surface.x_mm, surface.y_mm)]
     radius, angle = np.sqrt((np.arange(4000) + 0.5) / 4000), np.arange(4000) * np.pi * (3 - np.sqrt(5))
     u, v = footprint_px(one.rig) @ np.stack([radius * np.cos(angle), radius * np.sin(angle)])
+    # Gauss-Hermite points of the blur, of lens and pixel
+    offset, weight = (
+        np.sqrt(3 * (one.rig.camera.psf_px**2 + 1 / 12)) * np.arange(-1, 2),
+        np.array([1, 4, 1]) / 6,
+    )
+    u, v = (w[:, None, None] + o for w, o in ((u, offset[:, None]), (v, offset)))
     x, y = VIEW_MIDDLE_MM + by_u[0] * u + by_v[0] * v, by_u[1] * u + by_v[1] * v
-    return float(np.mean(one.mirror.depth(x, y)))
+    return float(np.mean(one.mirror.depth(x, y) @ weight @ weight))
 
 
 def dents(seeds: int, advance: Advance) -> tuple[list[Figure], list[list[str]], dict[str, Any]]:

@@ -15,7 +15,7 @@ from zeromethod.fine.integrate import PixelIntegrator, largest_part, step_weight
 from zeromethod.fine.lateness import lateness
 from zeromethod.fine.lattice import PixelLattice
 from zeromethod.fine.nodes import NodeWindows, read_nodes
-from zeromethod.fine.noise import detail_variance
+from zeromethod.fine.noise import DetailNoise
 from zeromethod.fine.slope import Planes, lever_planes, pixel_slopes
 from zeromethod.fine.surface import FineSurface
 from zeromethod.optics import Optics
@@ -67,6 +67,9 @@ class FineReader:
         self._lever = Lever(MirrorRays(optics, u, v), whole)
         self._integrator = PixelIntegrator(self._lattice.shape)
         self._footprint = Footprint(rig, self._lattice) if divide else None
+        self._detail_noise = DetailNoise(
+            grid.period_px, None if self._footprint is None else self._footprint.gain
+        )
         self._last = np.zeros(self._lattice.shape, np.float32)
 
     def read(self, frames: Sequence[FineFrame]) -> FineSurface:
@@ -201,14 +204,7 @@ class FineReader:
         nodes2 = self._lattice.to_pixels_exact(both) ** 2
         if not valid.any():
             return nodes2
-        return nodes2 + share**2 * detail_variance(
-            slope2,
-            x,
-            y,
-            valid,
-            self._grid.period_px,
-            None if self._footprint is None else self._footprint.gain,
-        )
+        return nodes2 + share**2 * self._detail_noise.variance(slope2, x, y, valid)
 
 
 def _continued(surface: Surface, inner: tuple[slice, slice]) -> tuple[Float, Float]:
