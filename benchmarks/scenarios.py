@@ -6,7 +6,7 @@ some frames, and some slide. Half of the benches have their prism's rubber bonde
 others are half-spaces. Noise of 1 to 4 grey levels; on half of them dust, scratches and bubbles. The packaged
 bench with four times larger pixels and a pupil of 1.25 mm, its geometry known.
 
-Counted are the nodes called valid in all frames whose state is nulled (locked, resting, covered): depth less
+Counted are the nodes called valid in all frames whose state is nulled (locked, resting): depth less
 the true one, over sigma. What cannot be nulled need not be good. Results are kept line by line with
 --results, and a run that is started again with the same file goes on.
 """
