@@ -75,7 +75,7 @@ def _view(url: str, go: Any, over: Any, count: Any, parts: list[str], bytes_per_
 
 
 class Viewers:
-    """Viewers in processes of their own, which ask while they are told to."""
+    """Viewers in processes of their own, which ask until they are ended."""
 
     def __init__(self, url: str, number: int, parts: list[str], bytes_per_s: float | None = None) -> None:
         spawn = mp.get_context("spawn")
@@ -271,7 +271,7 @@ def command(quick: bool) -> Report:
             f"loop's rate with three viewers, of {np.mean(data['without_hz']):.1f} Hz",
             f"{change:+.2f} % (95 %: {change - half:+.2f} to {change + half:+.2f})",
             ">= -1 %",
-            # where other programs scatter it more widely than that, this run does not tell
+            # where other programs scatter it more widely than that, this run cannot say
             True if change - half >= -1.0 else False if change + half < -1.0 else None,
         ),
         Figure(

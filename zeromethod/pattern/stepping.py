@@ -9,7 +9,7 @@ error proportional to the speed of the steps, changes its sign with them and ave
 from __future__ import annotations
 
 ALONG_V = 2
-"""Periods along v for each along u: different ones, so that both carriers are told apart in time."""
+"""Periods along v for each along u: different ones, so that both carriers are distinguished in time."""
 
 
 def shift_of(step: int, number: int) -> tuple[float, float]:
