@@ -91,7 +91,7 @@ def browser() -> Iterator[Any]:
     with sync_playwright() as playwright:
         opened = playwright.chromium.launch(
             executable_path=CHROMIUM,
-            args=["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"],
+            args=["--no-sandbox", "--enable-unsafe-swiftshader"],
         )
         yield opened
         opened.close()
@@ -111,6 +111,7 @@ def tab(opened: Any, url: str, width: int = 1280, height: int = 800) -> Iterator
             wrong.append(f"asked {asked.url}")
 
     page.on("request", request)
+    page.on("websocket", request)
     page.goto(url)
     yield page
     page.close()

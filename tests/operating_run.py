@@ -33,7 +33,7 @@ class Operated:
 
 
 @contextmanager
-def operated(folder: Path, **session: Any) -> Iterator[Operated]:
-    rig = small_rig("hold")
+def operated(folder: Path, scenario: str = "hold", **session: Any) -> Iterator[Operated]:
+    rig = small_rig(scenario)
     with open_devices(rig) as devices, Session(rig, devices=devices, **session) as made:
         yield Operated(made, devices, folder)

@@ -22,7 +22,7 @@ SHOWN_S = 0.9
 """Time of the run's clock at which the press is held."""
 
 
-COLOURS = 200
+COLOURS = 256
 """Of the picture's palette, which keeps the file small."""
 
 
@@ -39,7 +39,7 @@ def shoot(path: Path) -> None:
     ):
         assert run.stderr is not None
         url = next(found[1] for line in run.stderr if (found := re.match(r"view: (\S+)", line)))
-        arguments = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+        arguments = ["--no-sandbox", "--enable-unsafe-swiftshader"]
         browser = playwright.chromium.launch(executable_path=chromium, args=arguments)
         page = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT}, color_scheme="light")
         page.goto(url)
@@ -52,7 +52,7 @@ def shoot(path: Path) -> None:
         browser.close()
         run.terminate()
     with Image.open(path) as picture:
-        few = picture.convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE)
+        few = picture.convert("RGB").quantize(COLOURS, kmeans=3, dither=Image.Dither.NONE)
     few.save(path, optimize=True)
 
 

@@ -105,6 +105,48 @@ def test_wide_honest_presses_are_no_motion_however_they_come(bench, watch):
             assert not one.moved
 
 
+@pytest.mark.parametrize(
+    ("turned_deg", "slid_mm"),
+    [((0.1 * PX_DEG, 0, 0), (0, 0)), ((0, 0, 0), (0.012, 0)), ((0, PX_DEG, 0), (0, 0))],
+)
+def test_a_bench_that_moves_under_a_held_press_is_named_and_is_drift(
+    bench, modes, watch, turned_deg, slid_mm
+):
+    """Pan of 0.1 px, LCD slid by 0.2 px, tilt of 1 px: the first two look like a mirror displaced whole."""
+    true, noise, one = bumped(bench.rig, turned_deg, slid_mm), np.random.default_rng(3), watch()
+    dent, rest_q = Gauss(0.15, bench.centre_mm, 0.0, 5.0), Rest.of(bench.rig, bench.optics).q
+    for _ in range(3 * FRAMES):
+        one.look(seen(bench, dent, noise), rest_q)
+    assert not one.moved
+    # noise of four frames held against four: 5 % of what follows
+    assert np.linalg.norm(one.drift) < 0.01
+    for _ in range(6):
+        one.look(seen(bench, dent, noise, true), rest_q)
+    u, v = (part[bench.grid.inner] for part in bench.grid.mesh())
+    change = (true.rest_map(u, v) - bench.optics.rest_map(u, v)).ravel()
+    motion = np.linalg.lstsq(modes.at(u, v).reshape(-1, modes.count), change, rcond=None)[0]
+    assert one.moved
+    # the press moves in the view when the camera turns: a twentieth of the motion
+    assert np.linalg.norm(one.drift - motion) < 0.05 * np.linalg.norm(motion) + 0.01
+    # it stays when the press goes on
+    for _ in range(4):
+        one.look(seen(bench, Gauss(0.17, bench.centre_mm + 2.0, 0.0, 5.0), noise, true), rest_q)
+    assert np.linalg.norm(one.drift - motion) < 0.05 * np.linalg.norm(motion) + 0.01
+
+
+def test_presses_that_grow_or_slide_are_no_motion(bench, watch):
+    noise, rest_q = np.random.default_rng(4), Rest.of(bench.rig, bench.optics).q
+    for size_mm, speed in ((5.0, 0.002), (12.0, 0.02), (30.0, 0.3)):
+        one = watch()
+        for frame in range(40):
+            share = 1.0 + speed * max(frame - 8, 0)
+            dent = Gauss(0.03 * share, bench.centre_mm + 6.0 * share, 4.0, size_mm)
+            one.look(seen(bench, dent, noise), rest_q)
+            assert not one.moved
+            # 0.02 LCD px read as 0.8 um
+            assert np.linalg.norm(one.drift) < 0.02
+
+
 def test_slow_drift_stays_in_sigma_and_is_named(bench):
     """A pan that grows by 1/20 px a frame: read depth is wrong by up to 23 um per px of the full camera."""
     noise, reader = np.random.default_rng(2), SurfaceReader(bench.rig, bench.optics, bench.grid)

@@ -44,7 +44,8 @@ def test_every_method_acts_and_every_call_is_in_the_recording(tmp_path):
         assert adjust.gain == 0.5
         called("target", contrast=0.7)
         assert adjust.target.contrast == 0.7
-        called("zero", source="terminal")
+        with pytest.raises(MeasurementError, match=r"^no new zero: something presses"):
+            called("zero", source="terminal")
         called("mark", note="weight on")
         files = called("snapshot", note="so far")["files"]
         assert [(tmp_path / name).exists() for name in files] == [True, True]
@@ -77,13 +78,21 @@ def test_every_method_acts_and_every_call_is_in_the_recording(tmp_path):
             ("record", {"file": "more.h5", "note": ""}, "page"),
         ]
         outcomes = [row["outcome"].decode() for row in recording.calls]
-        assert outcomes[:7] == ["done"] * 7
-        assert all(outcome.startswith("refused: ") for outcome in outcomes[7:])
+        refused = [outcome.startswith("refused: ") for outcome in outcomes]
+        assert refused == [row[0] in {"zero", "exposure", "record"} for row in rows]
     with open_recording(tmp_path / "more.h5") as recording:
         assert [row["method"] for row in recording.calls] == [b"record", b"mark", b"stop"]
         assert recording.complete
         assert len(recording.steps) > 3
         assert set(recording.peaks["step"]) <= set(recording.steps["number"])
+
+
+def test_a_zero_is_done_once_it_is_taken(tmp_path):
+    with operated(tmp_path, "none") as run:
+        asked = run.controls.call("zero")
+        until(run, asked.done, frames=1)
+        assert asked.result() == {}
+        assert run.session.loop.zero is not None
 
 
 @pytest.mark.parametrize(

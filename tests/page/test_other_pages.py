@@ -1,5 +1,6 @@
 """The pages of a recording, of setting up by eye, of a calibration."""
 
+import itertools
 import json
 import time
 import urllib.request
@@ -20,6 +21,7 @@ from zeromethod.operating.guide_tables import CALIBRATE, FOCUS
 from zeromethod.operating.player import Player
 from zeromethod.operating.replay_table import REPLAY
 from zeromethod.page.replay_content import ReplayContent, nodes_of
+from zeromethod.recording.schema import STATES
 
 PATIENCE_S = 90.0
 
@@ -77,6 +79,17 @@ def test_what_is_shown_of_a_recording_is_what_is_in_it(recording):
                 assert found.values["peak_mm"] in opened.peaks["depth_mm"]
 
 
+def test_what_is_said_of_a_recording_are_its_states_as_they_changed(recording):
+    with open_recording(recording) as opened:
+        said = ReplayContent(opened, Player(opened.seconds)).said()
+        states = [one.words.partition(":")[0] for one in said if one.kind == "state"]
+        rows = [STATES[int(row["state"])].value for row in opened.steps]
+    assert states[-1] == rows[-1]
+    shown = [state for state in rows if state not in {"starting", "holding"}]  # a frame or two of them
+    assert states == [state for state, _ in itertools.groupby(shown)]
+    assert [one.time_s for one in said] == sorted(one.time_s or 0.0 for one in said)
+
+
 def test_places_of_the_mirror_are_found_again_in_the_lattice(recording):
     with open_recording(recording) as opened:
         surface = opened.surface(int(opened.steps_with("surface")[-1]))
@@ -128,6 +141,10 @@ def test_a_recording_is_scrubbed_and_a_stretch_of_it_played_over_and_over(record
         page.select_option("#speed", "5")
         waited("zeromethod.values.speed === 5")
         call(one, "stretch", from_s=0.1, to_s=0.3)
+        page.keyboard.press("p")
+        waited("zeromethod.values.playing")
+        page.keyboard.press("p")
+        waited("!zeromethod.values.playing")
         page.keyboard.press("p")
         seen = []
         for _ in range(60):

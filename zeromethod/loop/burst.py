@@ -179,7 +179,7 @@ class Burst:
         self.read: Read | None = None
         """What the last one read, until the mirror moves."""
         self.unread = False
-        """Whether a burst is under way for nodes that none has read."""
+        """Whether nodes wait for a burst that none has read, or one is under way for them."""
         self._shown: dict[int, int | None] = {}
 
     @property
@@ -254,10 +254,9 @@ class Burst:
         unread = int(np.count_nonzero(new)) >= LEAST_NODES
         again = self._always or (self.read is not None and measured.time_ns > self.read.time_ns + 1e9 * OLD_S)
         wanted = np.count_nonzero(need) >= LEAST_NODES if again else unread
-        if not wanted or self._quiet < QUIET_FRAMES:
-            self.unread = False
-            return False
         self.unread = unread
+        if not wanted or self._quiet < QUIET_FRAMES:
+            return False
         self._running = self._blinding = _Running(self._rest, need, thought, measured)
         return True
 

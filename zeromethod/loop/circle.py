@@ -83,9 +83,9 @@ class FrameResult:
     changed: there is a new command. refusal: why it brought none. observation, residual and measured are None
     where the frame could not be paired or is dark. residual_rms_px: rms length of the residual over valid
     nodes. valid_share, covered_share: those valid, and those without light, of the nodes visible at rest.
-    order: whether it is known which period of the carrier is seen, is being found, or could not be. coded:
-    the frame may have seen coded pictures in places. unread: a burst is under way for nodes that none has
-    read.
+    order: whether it is known which period of the carrier is seen, is being found, or could not be. coded: the
+    frame may have seen coded pictures in places. unread: nodes that no burst has read wait for one, or one
+    is under way for them.
     """
 
     changed: bool = False
@@ -108,6 +108,14 @@ class FrameResult:
         """
         mixed = self.refusal is Event.PICTURES_MIXED
         return None if mixed or self.order is not Order.KNOWN else self.measured
+
+
+def from_zero(result: FrameResult, zero: Float | None) -> Warp | None:
+    """The warp that may be believed less a zero (rows, cols, 2), LCD px, with what was left to null."""
+    measured = result.believed
+    if measured is None or result.observation is None or result.residual is None:
+        return None
+    return measured.less(zero).with_left(result.observation.shown.q, zero, result.residual.valid)
 
 
 def controller_of(control: ControlSpec, rest: Rest) -> Controller:

@@ -11,6 +11,7 @@ from zeromethod.loop.events import Event, Notice
 from zeromethod.loop.frame_check import FrameVerdict
 from zeromethod.loop.state import Doubt, Outcome, StepOutcome
 
+BURST_AHEAD = "no picture nulls a part of the view: coded ones will read it; keep what is pressed still"
 BURST_WORDS = "coded pictures read the warp where none can null it; keep what is pressed still"
 
 
@@ -38,7 +39,7 @@ def frame_outcome(
     if refusal is not None or result.measured is None:
         return StepOutcome(Outcome.HELD, words)
     blinded = "the camera is blinded: too bright" if Event.SATURATED in events else ""
-    unread = BURST_WORDS if result.unread else ""
+    unread = (BURST_WORDS if result.coded else BURST_AHEAD) if result.unread else ""
     seen = result.residual_rms_px, result.valid_share, at_rest(), result.covered_share
     return StepOutcome(Outcome.MEASURED, blinded, *seen, doubt, result.order, unread)
 

@@ -15,7 +15,7 @@ from zeromethod.loop.adjustments import Adjustments
 from zeromethod.loop.assembly import make_circle
 from zeromethod.loop.bench_doubt import BenchDoubt
 from zeromethod.loop.burst import Read
-from zeromethod.loop.circle import FrameResult, Sensor
+from zeromethod.loop.circle import FrameResult, Sensor, from_zero
 from zeromethod.loop.display_watch import DisplayWatch
 from zeromethod.loop.drawing import HANGING_S, Drawer, Drawing
 from zeromethod.loop.events import Event, Notice, Notices
@@ -281,15 +281,14 @@ class Loop:
         if not self._referenced and self.status.state in READ:
             self._circle.take_reference(result)  # later light is compared with that of the first nulled frame
             self._referenced = True
-        measured = result.believed
-        if (zeroed := self._zero.take(measured, result.residual_rms_px)) is not None:
+        if (zeroed := self._zero.take(result.believed, result.residual_rms_px)) is not None:
             events += (zeroed.event,)
             self._notices.add_always(zeroed)
         return self._step(
             now_ns if verdict.wrong else frame.time_ns,
             events,
             frozen=frozen,
-            measured=measured and measured.less(self._zero.q),
+            measured=from_zero(result, self._zero.q),
             loop_ms=loop_ms,
             **self._screen.timing_ms(),
             **frame_figures(frame, verdict, result),

@@ -21,6 +21,9 @@ from zeromethod.loop.state import LOCK_RESIDUAL_PX
 from zeromethod.warp.rest import Rest
 from zeromethod.warp.warp import Warp
 
+NO_ZERO = "no new zero"
+"""What a refusal begins with."""
+
 FRAMES = 8
 """Good frames whose mean warp is the zero."""
 
@@ -148,7 +151,7 @@ class Zero:
             return None
         self._taking = None
         if isinstance(found, NoZero):
-            return Notice(Event.ZERO_REFUSED, f"no new zero: {found.reason}")
+            return Notice(Event.ZERO_REFUSED, f"{NO_ZERO}: {found.reason}")
         self.q = found
         drift = float(np.sqrt(np.mean(np.sum(found[self._rest.visible] ** 2, axis=-1))))
         words = f"readings start from here now, {drift:.2f} LCD px (rms) from the rig file's rest"

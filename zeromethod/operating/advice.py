@@ -1,4 +1,4 @@
-"""What a person should do in each state of the loop, in one line."""
+"""What a person should do in each state of the loop, and why depth may not count, in one line each."""
 
 from __future__ import annotations
 
@@ -23,4 +23,26 @@ ADVICE = {
 FRESH = frozenset(
     {State.RESTING, State.NULLING, State.LOCKED, State.UNCALIBRATED, State.MOVED, State.PAUSED, State.COVERED}
 )
-"""States in which every new frame is measured: readings are of now."""
+"""States in which every new frame is measured: readings are of now, unless they come late."""
+
+LATE_S = 0.5
+"""Age from which a reading counts as held, of the run's clock."""
+
+_DOUBTS = {
+    State.MOVED: "the bench moved: depth does not count",
+    State.COVERED: "the mirror is covered: depth does not count",
+    State.LOST: "lost: depth does not count",
+    State.HOLDING: "held: no frame that may be used",
+    State.PAUSED: "paused: motion of the bench is not checked",
+    State.FAULT: "held: a device failed",
+    State.STOPPED: "held: the run has ended",
+}
+
+
+def doubt_of(state: State, late_s: float | None) -> str:
+    """Why the newest depth is not to be relied on; "" where it is, as far as its sigma and calibration say.
+
+    late_s: how much older the reading is than the newest frame, s; None: nothing was read.
+    """
+    late = late_s is not None and late_s > LATE_S
+    return _DOUBTS.get(state, "") or (f"held: read {late_s:.1f} s ago" if late else "")

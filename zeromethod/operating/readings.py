@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from zeromethod.loop.state import State
 from zeromethod.loop.step import Step
-from zeromethod.operating.advice import ADVICE, FRESH
+from zeromethod.operating.advice import ADVICE, FRESH, LATE_S, doubt_of
 from zeromethod.operating.lasting import LastingState
 from zeromethod.operating.rates import Rate
 from zeromethod.session.session import Session
@@ -30,6 +31,12 @@ HISTORY = (
 
 _KEPT_ROWS = 4096
 """Rows that wait to be taken; older ones are left out where nobody takes them."""
+
+
+def history_row(values: dict[str, Any]) -> tuple[float | int | None, ...]:
+    """A row of `HISTORY` of a run's values: without depth where it is not to be relied on."""
+    held = values["doubt"] and values["state"] != State.PAUSED
+    return tuple(None if held and name.startswith("peak") else values[name] for name in HISTORY)
 
 
 def number(value: float | None) -> float | None:
@@ -96,7 +103,7 @@ class Readings:
                 "delay_ms": number(step.delay_ms) or self._frame["delay_ms"],
             }
         values = self._newest = self._values(step)
-        self._rows.append(tuple(values[name] for name in HISTORY))
+        self._rows.append(history_row(values))
         before = self._lasting.shown
         shown = self._lasting.see(step.state, step.time_s)
         reason = step.reason.removeprefix(f"{shown}: ") if shown is step.state else ""
@@ -149,13 +156,16 @@ class Readings:
                 "valid_share": number(step.valid_share) if sensed else None,
                 "loop_ms": number(step.loop_ms),
             }
+        read_s = self._peak["peak_time_s"]
+        late_s = None if read_s is None else now_s - read_s
         return {
             **stepped,
             **self._fixed,
             **self._peak,
             **self._frame,
             "advice": ADVICE[state],
-            "fresh": state in FRESH,
+            "fresh": state in FRESH and (late_s or 0.0) <= LATE_S,
+            "doubt": doubt_of(state, late_s),
             "loop_rate_hz": self._loops.at(now_s),
             "read_rate_hz": self._reads.at(now_s),
             "dropped": session.result.dropped,

@@ -11,8 +11,10 @@ from typing import Any
 
 from zeromethod.devices.abilities import exposure_setter_of
 from zeromethod.devices.opening import Devices
-from zeromethod.errors import InputError
+from zeromethod.errors import InputError, MeasurementError
+from zeromethod.loop.events import Event
 from zeromethod.loop.step import Step
+from zeromethod.loop.zero import NO_ZERO
 from zeromethod.operating.controls import Answer, Controls, Perform
 from zeromethod.operating.run_table import RUN
 from zeromethod.operating.snapshot import save_snapshot
@@ -41,10 +43,11 @@ class RunControls:
         self._session, self._devices, self._folder, self._recorder = session, devices, folder, recorder
         self._newest: Step | None = None
         self._read: Step | None = None
+        self._zeros: list[Future[Answer]] = []
         perform: dict[str, Perform] = {
             "pause": self._pause,
             "resume": self._resume,
-            "zero": session.loop.rezero,
+            "zero": self._zero,
             "gain": self._gain,
             "exposure": self._exposure,
             "target": self._target,
@@ -57,7 +60,15 @@ class RunControls:
         self.controls = Controls(RUN, perform, session.note_call)
 
     def see(self, step: Step) -> None:
-        """Take in the newest step of the session, for snapshots."""
+        """Take in the newest step of the session, for snapshots and for what became of a zero."""
+        if Event.ZERO_TAKEN in step.events or Event.ZERO_REFUSED in step.events:
+            zeros, self._zeros = self._zeros, []
+            for zero in zeros:
+                if Event.ZERO_TAKEN in step.events:
+                    zero.set_result({})
+                else:
+                    words = (note for note in step.notes if note.startswith(NO_ZERO))
+                    zero.set_exception(MeasurementError(next(words, NO_ZERO)))
         if step.image is not None:
             self._newest = step
         if step.surface is not None:
@@ -68,6 +79,11 @@ class RunControls:
 
     def _resume(self) -> None:
         self._session.loop.pause(False)
+
+    def _zero(self) -> Future[Answer]:
+        self._session.loop.rezero()
+        self._zeros.append(Future())
+        return self._zeros[-1]
 
     def _gain(self, value: float) -> None:
         self._session.loop.adjust.set_gain(value)

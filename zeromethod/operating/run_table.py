@@ -68,6 +68,7 @@ VALUES = (
     Quantity("reason", "text", "why the loop is in that state"),
     Quantity("advice", "text", "what to do now; empty for nothing"),
     Quantity("fresh", "boolean", "the readings are of now: false while they are held, lost or not known"),
+    Quantity("doubt", "text", "why depth is not to be relied on; empty where it is"),
     Quantity("phase", "text", "part of a simulated scenario; empty where unknown"),
     _number("time_s", "time of the newest step, since the first", "s", 0),
     _count("step", "number of the newest step"),

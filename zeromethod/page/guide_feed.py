@@ -38,10 +38,12 @@ class GuideFeed:
         self._offer()
 
     def say(self, words: str, time_s: float | None = None) -> None:
-        """Add a line, which is what to do now."""
+        """Add a line, which is what to do now unless it is a warning ("! ...")."""
         with self._lock:
             lines = [words, *self._values["lines"]][:LINES]
-            self._values = self._values | {"lines": lines, "instruction": words, "state": "working"}
+            self._values = self._values | {"lines": lines, "state": "working"}
+            if not words.startswith("!"):
+                self._values["instruction"] = words
         self._page.say(Said("note", words, time_s))
         self._offer()
 
@@ -62,7 +64,7 @@ class GuideFeed:
             if frame is None or "camera" not in parts:
                 return Content(values)
             about = {"step": frame.number, "time_s": None, "bits": bits}
-            return Content(values, [], 0, {"camera": {"image": frame.image}}, {"camera": about})
+            return Content(values, [], {}, {"camera": {"image": frame.image}}, {"camera": about})
 
         self._page.offer(compose)
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from zeromethod.errors import MeasurementError
 from zeromethod.page.encoding import Encoded
-from zeromethod.page.message import ASK, CALL, NEWS, Content, Said, Setting, content_parts
+from zeromethod.page.message import ASK, CALL, NEWS, Content, Said, Setting, content_parts, unix_ms
 
 MOST_PER_S = 40.0
 """Contents that are asked for per second at most: of 60 frames per second, every other one."""
@@ -24,8 +24,8 @@ KEPT_ROWS = 20_000
 
 KEPT_SAID = 200
 
-ANSWER_S = 15.0
-"""How long a call may take."""
+ANSWER_S = 30.0
+"""How long a call may take: a zero takes up to 60 frames."""
 
 Send = Callable[[dict[str, Any]], None]
 
@@ -66,6 +66,8 @@ class Hub:
     def take_content(self, parts: frozenset[str], content: Content) -> None:
         """Take in a content, made with these parts."""
         number = 1 if self.newest is None else self.newest.number + 1
+        if content.stages:
+            content.stages["received"] = unix_ms()
         self.newest = Encoded(number, parts, content)
         self.rows.extend(content.rows)
         self.row_count += len(content.rows)

@@ -6,6 +6,7 @@ From the server: lines of JSON, an object each, by its member "kind".
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -23,6 +24,9 @@ PARTS = ("camera", "lcd", "residual", "surface", "sigma", "place")
 """Parts that a viewer may ask for, apart from values: pictures of camera and LCD, maps of residual with mask,
 of depth, of its sigma, and of where on the mirror the nodes are. The last three come of one content's part
 "surface"."""
+
+STAGES = ("exposed", "stepped", "composed", "received", "packed")
+"""Mid-exposure; once round the loop; taken for the page; in the server; packed for a viewer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,16 +56,21 @@ class Said:
 
 @dataclass(frozen=True, slots=True)
 class Content:
-    """The newest of a run. unix_time_ns: mid-exposure of its picture, by the host's clock; 0: not known.
+    """The newest of a run. stages: when what happened to its picture, `STAGES`, by the host's clock, unix ms.
 
     arrays: by part and name. meta: by part, plain values that go with its arrays.
     """
 
     values: dict[str, Any]
     rows: list[tuple[Any, ...]] = field(default_factory=list)
-    unix_time_ns: int = 0
+    stages: dict[str, float] = field(default_factory=dict)
     arrays: dict[str, dict[str, NDArray[Any]]] = field(default_factory=dict)
     meta: dict[str, dict[str, Any]] = field(default_factory=dict)
+
+
+def unix_ms() -> float:
+    """The host's clock, unix ms."""
+    return 1e-6 * time.time_ns()
 
 
 def content_parts(parts: frozenset[str]) -> frozenset[str]:

@@ -11,7 +11,6 @@ import os
 import secrets
 import subprocess
 import threading
-import time
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
@@ -277,8 +276,3 @@ class PageProcess:
             self._closing = True
             self._changed.notify_all()
         self._news.append("the page's server has ended: the run goes on without it")
-
-
-def host_time_ns(time_ns: int, now_ns: int) -> int:
-    """Unix time, ns, of a time of the run's clock that is `now_ns` now."""
-    return time.time_ns() - (now_ns - time_ns)

@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 
 from zeromethod.arrays import Float
-from zeromethod.operating.advice import ADVICE, FRESH
+from zeromethod.operating.advice import ADVICE, FRESH, LATE_S, doubt_of
+from zeromethod.operating.lasting import LastingState
 from zeromethod.operating.player import Player
 from zeromethod.operating.rates import Rate
-from zeromethod.operating.readings import HISTORY, median_sigma_um, number
+from zeromethod.operating.readings import history_row, median_sigma_um, number
 from zeromethod.page.message import Content, Said
 from zeromethod.page.run_content import lattice_of, residual_maps, surface_maps
 from zeromethod.recording.recording import Recording
@@ -66,37 +67,53 @@ class ReplayContent:
 
     def _history(self) -> list[tuple[Any, ...]]:
         stride = -(-len(self.steps) // MOST_ROWS)
-        found = []
-        for index in range(0, len(self.steps), stride):
-            values = self.values(index)
-            found.append(tuple(values[name] for name in HISTORY))
-        return found
+        return [history_row(self.values(index)) for index in range(0, len(self.steps), stride)]
 
     def index_at(self, time_s: float) -> int:
         """Index of the step of a moment: the last one up to it."""
         return max(0, int(np.searchsorted(self.times_s, time_s + 1e-9, side="right")) - 1)
 
     def said(self) -> list[Said]:
-        """What was noted and called in the recording, in order."""
+        """States, notes and calls of the recording, in order."""
         text = Recording.text
         found = [(int(row["time_ns"]), "note", text(row["text"])) for row in self._recording.notes]
         for row in self._recording.calls:
             words = f"{text(row['method'])} {text(row['arguments'])} ({text(row['source'])})"
             found.append((int(row["time_ns"]), "call", words))
+        found += self._states()
         return [Said(kind, words, 1e-9 * (at - self._start_ns)) for at, kind, words in sorted(found)]
+
+    def _states(self) -> list[tuple[int, str, str]]:
+        """Time, "state" and words of each state that lasted, as the run said them."""
+        found, lasting = [], LastingState()
+        times_s, states = self.times_s.tolist(), self.steps["state"].tolist()
+        for index, (time_s, number_of_state) in enumerate(zip(times_s, states, strict=True)):
+            before, state = lasting.shown, STATES[number_of_state]
+            if lasting.see(state, time_s) is not before:
+                row = self.steps[index]
+                reason = Recording.text(row["reason"]).removeprefix(f"{state}: ")
+                words = (
+                    f"{lasting.shown}: {reason}" if reason and lasting.shown is state else str(lasting.shown)
+                )
+                found.append((int(row["time_ns"]), "state", words))
+        return found
 
     def values(self, index: int) -> dict[str, Any]:
         """Values of the table, of a step by its index."""
         row = self.steps[index]
         state = STATES[int(row["state"])]
         sensed = bool(np.isfinite(row["residual_rms_px"]))
+        peak = self._peak_at(int(row["number"]))
+        read_s = peak["peak_time_s"]
+        late_s = None if read_s is None else float(self.times_s[index]) - read_s
         return {
             **self._fixed,
-            **self._peak_at(int(row["number"])),
+            **peak,
             "state": state.value,
             "reason": Recording.text(row["reason"]),
             "advice": ADVICE[state],
-            "fresh": state in FRESH,
+            "fresh": state in FRESH and (late_s or 0.0) <= LATE_S,
+            "doubt": doubt_of(state, late_s),
             "phase": Recording.text(row["phase"]),
             "time_s": float(self.times_s[index]),
             "step": int(row["number"]),
@@ -162,7 +179,7 @@ class ReplayContent:
                 meta["surface"] |= {"lattice": self._lattice, "time_s": values["peak_time_s"]}
                 meta["surface"] |= {"outlines": outlines, "peak_node": peak}
         rows, self._rows = self._rows or [], None
-        return Content(values, rows, 0, arrays, meta)
+        return Content(values, rows, {}, arrays, meta)
 
     def _surface_at(self, step: int) -> Surface | None:
         """Surface read last, up to a step."""

@@ -7,11 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from zeromethod.clock import Clock
 from zeromethod.loop.step import Step
 from zeromethod.operating.readings import Readings, number
-from zeromethod.page.message import Content
-from zeromethod.page.process import host_time_ns
+from zeromethod.page.message import Content, unix_ms
 from zeromethod.sensing.residual import Residual
 from zeromethod.surface import Surface
 from zeromethod.warp.grid import NodeGrid
@@ -23,13 +21,12 @@ without light."""
 
 @dataclass(frozen=True)
 class RunContent:
-    """Composes contents of the newest step, and of the newest one that was read."""
+    """Composes contents of the newest step, and of the newest one that was read. stages: see `Content`."""
 
     readings: Readings
-    clock: Clock
     newest: Step | None
     read: Step | None
-    live: bool
+    stages: dict[str, float]
     bits: int
     lattice: dict[str, Any]
 
@@ -38,10 +35,8 @@ class RunContent:
         arrays: dict[str, dict[str, Any]] = {}
         meta: dict[str, dict[str, Any]] = {}
         step, read = self.newest, self.read
-        unix_ns = 0
+        stages = self.stages | {"composed": unix_ms()} if self.stages else {}
         if step is not None:
-            if self.live:
-                unix_ns = host_time_ns(step.time_ns, self.clock.now_ns())
             if "camera" in parts and step.image is not None:
                 arrays["camera"] = {"image": step.image}
                 meta["camera"] = {"step": step.number, "time_s": step.time_s, "bits": self.bits}
@@ -61,7 +56,7 @@ class RunContent:
                 ],
                 "peak_node": _peak_node(read.surface, read.peak),
             }
-        return Content(self.readings.values, self.readings.take_rows(), unix_ns, arrays, meta)
+        return Content(self.readings.values, self.readings.take_rows(), stages, arrays, meta)
 
 
 def lattice_of(grid: NodeGrid) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from zeromethod.clock import Clock
 from zeromethod.loop.step import Step
 from zeromethod.operating.readings import Readings
-from zeromethod.page.message import Content, Said
+from zeromethod.page.message import Content, Said, unix_ms
 from zeromethod.page.process import PageProcess
 from zeromethod.page.run_content import RunContent, lattice_of
 from zeromethod.session.session import Session
@@ -34,6 +34,10 @@ class RunFeed:
             self._read = step
         for words in said:
             self._page.say(Said("state" if words.startswith(f"{step.state}") else "note", words, step.time_s))
-        run = self._readings, self._clock, step, self._read, self._live, self._bits, self._lattice
-        newest = RunContent(*run)
+        stages = {}
+        if self._live:
+            now_ms = unix_ms()
+            age_ms = 1e-6 * (self._clock.now_ns() - step.time_ns)
+            stages = {"exposed": now_ms - age_ms, "stepped": now_ms}
+        newest = RunContent(self._readings, step, self._read, stages, self._bits, self._lattice)
         self._page.offer(newest.compose)

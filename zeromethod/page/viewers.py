@@ -18,7 +18,7 @@ from zeromethod.errors import InputError, MeasurementError
 from zeromethod.page.access import Right
 from zeromethod.page.encoding import packed
 from zeromethod.page.hub import Hub
-from zeromethod.page.message import PARTS, content_parts
+from zeromethod.page.message import PARTS, content_parts, unix_ms
 
 PATIENCE_S = 10.0
 """How long a viewer may leave what was sent to it unread."""
@@ -58,7 +58,10 @@ class Viewer:
 
     async def serve(self, request: web.Request) -> web.WebSocketResponse:
         """Serve it until it leaves, is dropped, or the run is over."""
-        await self._socket.prepare(request)
+        try:
+            await self._socket.prepare(request)
+        except ConnectionError:
+            return self._socket  # it left before it was answered
         transport = request.transport
         plain: Any = None if transport is None else transport.get_extra_info("socket")
         if (
@@ -192,12 +195,13 @@ class Viewer:
         said = [_said(one) for number, one in hub.said if number > self._said_seen]
         self._rows_seen, self._said_seen = hub.row_count, hub.said_count
         header: dict[str, Any] = {"values": newest.content.values, "rows": rows, "said": said}
-        header["unix_time_ms"] = 1e-6 * newest.content.unix_time_ns or None
         if self._probe is not None:
             header["probe"] = newest.probe(*self._probe)
         found = {name: newest.part(name) for name in PARTS if name in wanted}
         if "lcd" in wanted and hub.lcd is not None and hub.lcd is not self._lcd_seen:
             found["lcd"] = self._lcd_seen = hub.lcd
+        if newest.content.stages:
+            header["stages_ms"] = newest.content.stages | {"packed": unix_ms()}
         return packed(header, {name: part for name, part in found.items() if part is not None})
 
     async def _watch(self) -> None:

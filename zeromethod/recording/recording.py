@@ -261,7 +261,11 @@ class Recording(AbstractContextManager["Recording"]):
         if found is None or row is None:
             return None
         q, sigma, flags = found
-        return Warp(q, sigma, flags, int(row["time_ns"]))
+        warp = Warp(q, sigma, flags, int(row["time_ns"]))
+        shown, residual = self.shown(step), self.residual(step)
+        if shown is None:
+            return warp
+        return warp.with_left(shown, self.zero(step), None if residual is None else residual.valid)
 
     def commanded(self, step: int) -> Single | None:
         """(rows, cols, 2) warp to be shown next, LCD px."""

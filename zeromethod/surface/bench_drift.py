@@ -19,6 +19,9 @@ from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.overlap import overlap_correlation, shared_nodes
 from zeromethod.warp.warp import Warp
 
+_NULLED_PX = 0.05
+"""Residual rms, camera px, below which a frame says where the bench is, as in the loop."""
+
 
 class BenchDrift:
     """Drift as seen last while nothing pressed, and the curl test; of one reader."""
@@ -48,7 +51,13 @@ class BenchDrift:
         self._curl = CurlTest(integrator, np.moveaxis(slopes, -1, 0), scale_gradient)
 
     def look(self, warp: Warp) -> None:
-        """Follow the drift."""
+        """Follow the drift, in frames that are nulled."""
+        if warp.left is not None:
+            # every second node says as much
+            square2 = np.sum(warp.left[::2, ::2][warp.valid[::2, ::2]] ** 2, axis=-1)
+            square2 = square2[np.isfinite(square2)]
+            if len(square2) and self.watch.modes.camera_px * np.sqrt(square2.mean()) > _NULLED_PX:
+                return
         self.watch.look(warp, self._rest_q)
 
     def test(self, warp: Warp, read: Reading, noise: SlopeNoise) -> Curl:

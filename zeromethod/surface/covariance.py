@@ -35,8 +35,8 @@ class Variance:
 
     noise: of this one frame; another frame's is independent. anchor: what is not known about the depth of the
     nodes taken as known; much the same in every frame with that anchor (the noise of a far field that is
-    followed counts here too). geometry: what the rig's geometry leaves open (`GeometrySpec`), the same in
-    every frame.
+    followed counts here too, and before the null what the sensing window hides). geometry: what the rig's
+    geometry leaves open (`GeometrySpec`), the same in every frame.
     """
 
     noise: float

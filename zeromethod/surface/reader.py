@@ -17,6 +17,7 @@ from zeromethod.surface.bench_drift import BenchDrift
 from zeromethod.surface.bridge import Lattice, bridge, cut_off_parts
 from zeromethod.surface.covariance import DepthCovariance
 from zeromethod.surface.depth_scale import depth_scale
+from zeromethod.surface.hidden import HiddenDepth
 from zeromethod.surface.integrate import LinearIntegration, SlopeIntegrator, largest_island
 from zeromethod.surface.lever import Lever
 from zeromethod.surface.node_passes import known_bending, moved_on, surface_arrays, together, use_nodes
@@ -117,6 +118,7 @@ class SurfaceReader:
         if with_sigma:
             fixed = self._integrator, self._scale_gradient
             self._drift = BenchDrift(rig, optics, grid, self._rays.rest_q, regular, sensitivity, *fixed)
+        self._hidden = HiddenDepth(grid, sensitivity, point[..., 0], point[..., 1])
         self.noise_mm: Float = np.full(island.shape, np.nan)
         """(measurable rows, cols) of the last surface's `sigma_depth_mm`, what the warp's own noise makes."""
         self._last: _Last | None = None
@@ -245,6 +247,9 @@ class SurfaceReader:
             of_frame = self._noise.sigma(noise, x, y, fit.weights)
             read = KnownReading(x, y, reading.depth, self._scale, of_frame, reading.slope, noise.variance)
             fit, systematic = self._drift.systematic(fit, read, noise)
+            if warp.left is not None:
+                hidden = self._hidden.of(warp.left, noise.variance, island)
+                systematic = systematic if hidden is None else np.concatenate([systematic, hidden[None]])
             sigma_depth = together(self._scale, of_frame, systematic, self._depth_share, reading.depth)
             curl = self._drift.test(warp, reading, noise)
             self.noise_mm = self._scale * of_frame

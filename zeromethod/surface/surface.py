@@ -54,8 +54,9 @@ class Surface:
         The mirror point. Finite everywhere, for plots: continued smoothly where the pixel's ray misses the
         mirror, given as NaN there.
     sigma_depth_mm : (rows, cols)
-        Standard deviation of depth: noise of this one warp, the anchor's, and what the rig's geometry leaves
-        open (`GeometrySpec`). It is correlated between nodes: `SurfaceReader.covariance`.
+        Standard deviation of depth: noise of this one warp, the anchor's, what the rig's geometry leaves open
+        (`GeometrySpec`), and before the null what the sensing window hides (`Warp.left`). It is correlated
+        between nodes: `SurfaceReader.covariance`.
     sigma_slope : (rows, cols, 2)
         Standard deviation of slope, rad, at a fixed mirror point (within 1 mm of the LCD, by P0, depth's own
         noise moves the point and takes up to 14 % off).

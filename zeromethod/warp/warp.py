@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from zeromethod.arrays import Flags, Float, Mask
+from zeromethod.arrays import Flags, Float, Mask, Single
 
 
 class Role(enum.StrEnum):
@@ -35,6 +35,9 @@ class Warp:
         (commanded).
     role : Role
         Measured by a frame, commanded by the controller, or shown while a frame was exposed.
+    left : (rows, cols, 2) float32, optional
+        Of a measured warp: how far the frame was from its null, LCD px (`with_left`); NaN at nodes that were
+        not read by the carrier. None: not known.
     """
 
     q: Float
@@ -42,6 +45,7 @@ class Warp:
     flags: Flags
     time_ns: int
     role: Role = Role.MEASURED
+    left: Single | None = None
 
     @classmethod
     def drawn(cls, q: Float, role: Role, time_ns: int) -> Warp:
@@ -93,6 +97,29 @@ class Warp:
             The difference, with the sigma and flags of this one.
         """
         return self if zero is None else replace(self, q=self.q - zero)
+
+    def with_left(self, shown_q: Float | Single, zero: Float | None, carrier: Mask | None) -> Warp:
+        """The same warp with what was left to null when it was measured.
+
+        Parameters
+        ----------
+        shown_q : (rows, cols, 2) array
+            LCD px, what was shown meanwhile; rounded to single precision, as recordings keep it.
+        zero : (rows, cols, 2) array, optional
+            LCD px, what was subtracted from this warp; None for nothing.
+        carrier : (rows, cols) bool, optional
+            Nodes that were read by the carrier; None: all.
+
+        Returns
+        -------
+        Warp
+            The warp.
+        """
+        away = self.q - shown_q.astype(np.float32)
+        left = (away if zero is None else away + zero).astype(np.float32)
+        if carrier is not None:
+            left[~carrier] = np.nan
+        return replace(self, left=left)
 
     def __repr__(self) -> str:
         rows, cols = self.flags.shape

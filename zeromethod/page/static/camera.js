@@ -30,6 +30,7 @@ export class CameraPanel {
     this.picture?.close();
     this.picture = picture;
     this.size = part.size;
+    this.time = part.time_s;
     $("camera-note").textContent = `${part.size[0]} × ${part.size[1]} px`;
   }
 
@@ -79,8 +80,11 @@ export class CameraPanel {
       context.setLineDash([6 * scale, 4 * scale]);
       context.stroke();
       context.setLineDash([]);
+      const [x, y] = [at.left + at.zoom * px[0][0] + 6 * scale, at.top + at.zoom * px[0][1]];
+      context.fillStyle = "#000c";
+      context.fillRect(x - 3 * scale, y - 12 * scale, context.measureText(`contact ${id}`).width + 6 * scale, 16 * scale);
       context.fillStyle = "#ffd84d";
-      context.fillText(`contact ${id}`, at.left + at.zoom * px[0][0] + 6 * scale, at.top + at.zoom * px[0][1]);
+      context.fillText(`contact ${id}`, x, y);
     }
   }
 }

@@ -32,7 +32,13 @@ export const css = (map, t) => {
   return `rgb(${map[i]},${map[i + 1]},${map[i + 2]})`;
 };
 
-export const ink = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+// Colours of the page, as the style sheet has them now; asked for once after each change.
+const inks = new Map();
+export function ink(name) {
+  if (!inks.has(name)) inks.set(name, getComputedStyle(document.documentElement).getPropertyValue(name).trim());
+  return inks.get(name);
+}
+export const dry = () => inks.clear();
 
 // A step of 1, 2 or 5 times a power of ten, so that about `count` of them span a range.
 export function niceStep(range, count) {

@@ -7,7 +7,9 @@ const TITLES = {
   play: "Play", seek: "Go to…", speed: "Speed…", stretch: "Loop a stretch…", close: "Close",
 };
 // of two methods with one key the one that makes sense now
-const PAIRS = { pause: (v) => !v.paused, resume: (v) => v.paused, record: (v) => !v.recording, stop_recording: (v) => v.recording };
+const PAIRS = {
+  play: (v) => !v.playing, pause: (v) => v.playing ?? !v.paused, resume: (v) => v.paused, record: (v) => !v.recording, stop_recording: (v) => v.recording,
+};
 // methods that are worth a word though they need none
 const ASKS = new Set(["record", "mark"]);
 // methods that end something ask first
@@ -17,7 +19,7 @@ const PRESENT = { gain: "gain", exposure: "exposure_ms", target: "contrast", see
 const ON_TIMELINE = new Set(["play", "pause", "seek", "speed", "stretch"]);
 const HERE = [
   ["?", "this list"], ["d", "dark or light"], ["f", "hold the colour scale"], ["c", "forget the clicked point"],
-  ["1 … 4", "events, contacts, calibration, all values"],
+  ["1 to 4", "events, contacts, calibration, all values"], ["mouse", "depth: drag A and B, click a place; surface: drag, wheel"],
 ];
 
 export class Controls {
@@ -81,15 +83,19 @@ export class Controls {
 
   async run(name, args) {
     try {
-      const result = await this.call(name, args);
-      this.report(`${name.replace("_", " ")}: done${result.file ? ` (${result.file})` : result.files ? ` (${result.files.join(", ")})` : ""}`);
+      this.done(name, await this.call(name, args));
     } catch (error) {
       this.report(error.message, true);
     }
   }
 
+  done(name, result) {
+    const files = result.files ?? (result.file ? [result.file] : []);
+    this.report(`${name.replace("_", " ")}: done${files.length ? ` (${files.join(", ")})` : ""}`);
+  }
+
   report(words, bad = false) {
-    this.said.textContent = words;
+    this.said.textContent = this.said.title = words;
     this.said.classList.toggle("bad", bad);
   }
 
@@ -125,8 +131,7 @@ export class Controls {
         if (input.value !== "") args[one.name] = one.type === "text" ? input.value : Number(input.value);
       }
       try {
-        await this.call(method.name, args);
-        this.report(`${method.name}: done`);
+        this.done(method.name, await this.call(method.name, args));
         dialog.close();
       } catch (error) {
         form.querySelector(".error").textContent = error.message;
@@ -144,6 +149,7 @@ export class Controls {
     for (const [key, words] of [...rows, ...HERE]) {
       const row = dialog.querySelector("table").insertRow();
       row.insertCell().innerHTML = `<kbd>${key}</kbd>`;
+      row.cells[0].style.whiteSpace = "nowrap";
       row.insertCell().textContent = words;
       row.cells[1].style.textAlign = "left";
     }

@@ -1,12 +1,16 @@
 // The depth map with its section line, the point that was clicked, and the plots of both.
 
 import { DEPTH, SMALL, ink } from "/static/colours.js";
-import { MapView, Scale } from "/static/mapview.js";
+import { MapView, MEASURED, Scale } from "/static/mapview.js";
 import { plot } from "/static/plots.js";
 
 const $ = (id) => document.getElementById(id);
 const GRIP_PX = 12;
 const SAMPLES = 160;
+const POINT = {
+  depth: ["depth_um", "depth, µm"], sigma: ["sigma_um", "sigma, µm"],
+  "slope x": ["slope_x_mrad", "slope x, mrad"], "slope y": ["slope_y_mrad", "slope y, mrad"],
+};
 
 export class DepthPanel {
   constructor() {
@@ -16,13 +20,18 @@ export class DepthPanel {
     this.line = null; // two nodes, [column, row] each
     this.placed = false;
     this.probe = null;
-    this.history = [[], [], []];
+    this.history = [];
     this.section = plot($("section-plot"), "mm", [
       { label: "depth, µm", stroke: "--accent", width: 1.5 },
       { label: "2 sigma below", stroke: "--soft", dash: [3, 3] },
       { label: "2 sigma above", stroke: "--soft", dash: [3, 3] },
+      { label: "not measured itself", stroke: "--warn", width: 1.5, dash: [2, 4] },
     ]);
-    this.point = plot($("point-history"), "s", [{ label: "depth, µm", stroke: "--accent", width: 1.5 }]);
+    this.point = plot($("point-history"), "s", [
+      { label: "depth, µm", stroke: "--accent", width: 1.5 },
+      { label: "2 sigma below", stroke: "--soft", dash: [3, 3] },
+      { label: "2 sigma above", stroke: "--soft", dash: [3, 3] },
+    ]);
     this.listen();
   }
 
@@ -52,6 +61,7 @@ export class DepthPanel {
       if (this.surface && grip < 0 && !moved) this.choose(this.view.node(event).map(Math.round));
       grip = -1;
     });
+    $("point-kind").addEventListener("change", () => this.paintPoint());
     for (const id of ["map-kind", "contours"]) $(id).addEventListener("change", () => this.show());
     $("hold-scale").addEventListener("click", () => this.holdScale());
   }
@@ -64,13 +74,14 @@ export class DepthPanel {
 
   choose(node) {
     this.probe = node;
-    this.history = [[], []];
+    this.history = [];
     document.querySelector('[data-tab="point-plot"]').click();
     this.paint();
   }
 
   clear() {
     this.probe = null;
+    this.history = [];
     $("point").textContent = "";
     this.paint();
   }
@@ -83,17 +94,24 @@ export class DepthPanel {
     });
   }
 
-  take(parts, lattice) {
+  // pressed: there is a peak to follow
+  take(parts, lattice, pressed) {
     if (parts.surface) this.surface = { ...parts.surface, values: parts.surface.maps.depth.values, ...lattice };
-    if (parts.sigma) this.sigma = { ...parts.sigma, values: parts.sigma.maps.sigma.values, ...lattice };
+    if (parts.sigma) {
+      this.sigma = { ...parts.sigma, values: parts.sigma.maps.sigma.values, kind: this.surface?.kind, ...lattice };
+    }
     if (parts.place) this.place = { x: parts.place.maps.x.values, y: parts.place.maps.y.values };
-    if (this.surface && !this.placed) {
+    if (this.surface && !this.placed && (pressed || !this.line)) {
       // through the peak, until somebody drags it
       const [rows, columns] = this.surface.shape;
       const row = (this.surface.peak_node ?? [0, rows / 2])[1];
       this.line = [[0.08 * columns, row], [0.92 * columns, row]];
     }
-    if (parts.surface) this.show();
+    if (parts.surface) {
+      const carried = this.surface.kind.some((kind) => kind === 2 || kind === 3);
+      $("kinds-note").textContent = carried ? "hatched: not measured there" : "";
+      this.show();
+    }
   }
 
   show() {
@@ -159,7 +177,7 @@ export class DepthPanel {
   // Depth along the line, by the four nodes around each place on it.
   paintSection() {
     if (!this.place || !this.line || $("section-plot").hidden) return;
-    const [a, b] = this.line, along = [], depth = [], below = [], above = [];
+    const [a, b] = this.line, along = [], depth = [], below = [], above = [], carried = [];
     let last = null, way = 0;
     for (let s = 0; s <= SAMPLES; s++) {
       const node = [a[0] + ((b[0] - a[0]) * s) / SAMPLES, a[1] + ((b[1] - a[1]) * s) / SAMPLES];
@@ -170,11 +188,14 @@ export class DepthPanel {
       const spread = this.sigma ? 2 * this.at(this.sigma.values, node) : NaN;
       const known = (v) => (Number.isFinite(v) ? v : null);
       along.push(way);
-      depth.push(known(value));
+      const measured = this.surface.kind[Math.round(node[1]) * this.surface.shape[1] + Math.round(node[0])] === MEASURED;
+      depth.push(measured ? known(value) : null);
+      // joined to the last one that was measured
+      carried.push(measured && depth.length > 1 && depth.at(-2) !== null ? null : known(value));
       below.push(known(value - spread));
       above.push(known(value + spread));
     }
-    this.section.set([along, depth, below, above]);
+    this.section.set([along, depth, below, above, carried]);
     if (last) $("section-note").textContent = `A to B: ${way.toFixed(1)} mm`;
   }
 
@@ -199,14 +220,22 @@ export class DepthPanel {
       box.append(Object.assign(document.createElement("dd"), { textContent: value }));
       return box;
     }));
-    const [times, depths] = this.history;
-    if (times.at(-1) !== probe.time_s) {
-      if (times.at(-1) > probe.time_s) this.history = [[], []];
-      this.history[0].push(probe.time_s);
-      this.history[1].push(probe.depth_um);
-      if (times.length > 3000) this.history.forEach((one) => one.shift());
-    }
-    if (!$("point-plot").hidden) this.point.set(this.history);
+    const last = this.history.at(-1)?.time_s;
+    if (last === probe.time_s) return;
+    if (last > probe.time_s) this.history = [];
+    this.history.push(probe);
+    if (this.history.length > 3000) this.history.shift();
+    const now = performance.now();
+    if (now - (this.pointed ?? 0) > 200) this.paintPoint();
+  }
+
+  paintPoint() {
+    this.pointed = performance.now();
+    if ($("point-plot").hidden) return;
+    const [name, label] = POINT[$("point-kind").value], all = this.history;
+    const band = (sign) => all.map((one) => (name !== "depth_um" || one.depth_um == null ? null : one.depth_um + sign * 2 * (one.sigma_um ?? 0)));
+    this.point.name(label);
+    this.point.set([all.map((one) => one.time_s), all.map((one) => one[name]), band(-1), band(1)]);
   }
 }
 

@@ -14,12 +14,21 @@ function decode(buffer) {
   return header;
 }
 
+// Run lengths (count, kind, count, kind, ...) as one kind a node.
+function spread(lengths, size) {
+  const found = new Uint8Array(size);
+  for (let k = 0, at = 0; k < lengths.length; at += lengths[k], k += 2) found.fill(lengths[k + 1], at, at + lengths[k]);
+  return found;
+}
+
 // Maps of 16 bits as floats, NaN where there is no value.
 function readMaps(part, buffer, begin) {
+  if (part.kinds) part.kind = spread(part.kinds, part.shape[0] * part.shape[1]);
   const size = part.shape[0] * part.shape[1];
   Object.values(part.maps).forEach((map, index) => {
     const codes = new Uint16Array(buffer, begin + 2 * size * index, size);
-    map.values = Float32Array.from(codes, (code) => (code === 65535 ? NaN : map.offset + map.step * code));
+    const values = (map.values = new Float32Array(size));
+    for (let k = 0; k < size; k++) values[k] = codes[k] === 65535 ? NaN : map.offset + map.step * codes[k];
   });
 }
 
@@ -61,9 +70,17 @@ export class Link {
       }
       return;
     }
+    const at = performance.timeOrigin + performance.now();
     const content = decode(data);
-    // the next one is asked for once this one is drawn: what cannot be drawn in time is not sent
-    Promise.resolve(this.on.content(content)).finally(() => this.ask());
+    content.arrived = at;
+    // the next one is asked for once the picture of this one is on the screen: what cannot be drawn in time is
+    // not sent, and the rest of this one is drawn while the next is on its way
+    let asked = false;
+    const ask = () => {
+      if (!asked) this.ask();
+      asked = true;
+    };
+    Promise.resolve(this.on.content(content, ask)).finally(ask);
   }
 
   ask() {

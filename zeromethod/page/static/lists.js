@@ -10,10 +10,12 @@ const CONTACT = [
 
 export function events(said) {
   for (const { kind, words, time_s: time } of said) {
+    if (kind === "call" && words.startsWith("seek")) continue; // as often as the mouse moves
     const item = document.createElement("li");
     item.className = BAD.test(words) ? "bad" : kind;
     item.append(Object.assign(document.createElement("time"), { textContent: time == null ? "" : `${time.toFixed(2)} s` }));
-    item.append(`${kind === "call" ? "▸ " : kind === "state" ? "◆ " : "! "}${words}`);
+    const said = words.replace(/\{"note": "(.*)"\}/, "“$1”");
+    item.append(`${kind === "call" ? "▸ " : kind === "state" ? "◆ " : words.startsWith("!") ? "" : "! "}${said}`);
     $("events").prepend(item);
   }
   while ($("events").children.length > MOST) $("events").lastChild.remove();

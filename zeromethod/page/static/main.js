@@ -13,15 +13,16 @@ import { lasting, showState, showFigures, stale } from "/static/state.js";
 import { Timeline } from "/static/timeline.js";
 
 const $ = (id) => document.getElementById(id);
+const WORDS_MS = 200;
 const SLOW_MS = { residual: 250, lcd: 300, place: 3000, sigma: 500 };
 const visible = (id) => !$(id).hidden && $(id).offsetParent !== null;
 
 const camera = new CameraPanel(), lcd = new LcdPanel(), depth = new DepthPanel(), residual = new ResidualPanel();
 const solid = new SolidPanel(), history = new History(), guide = new Guide();
 const asked = {};
-let lattice = null, arrived = 0, painted = 0;
+let lattice = null, arrived = 0, painted = 0, stated = "", waiting = null;
 
-const page = (window.zeromethod = { contents: 0, latencies_ms: [], values: {}, arrived: [] });
+const page = (window.zeromethod = { contents: 0, stages: [], values: {}, arrived: [] });
 
 function due(part) {
   const now = performance.now();
@@ -43,41 +44,58 @@ function wanted() {
   return document.hidden ? { next: [] } : { next, probe: depth.probe };
 }
 
-async function content(message) {
+const unix = () => performance.timeOrigin + performance.now();
+
+// The browser's next picture; it makes none of a page that is hidden.
+const frame = () => new Promise((go) => (document.hidden ? setTimeout(go, 500) : requestAnimationFrame(go)));
+
+// After the picture that is being made has been handed over to the screen.
+const channel = new MessageChannel();
+const handing = [];
+channel.port1.onmessage = () => handing.shift()();
+const shown = () => new Promise((go) => {
+  handing.push(go);
+  channel.port2.postMessage(null);
+});
+
+// The camera's picture first, so that what is seen is as new as can be; then, while the next one is on its way, all else.
+async function content(message, ask) {
   arrived = performance.now();
   const { parts, values } = message;
   page.values = values;
   for (const part of [parts.residual, parts.surface]) if (part?.lattice) lattice = part.lattice;
-  // the pictures first: what is seen is as new as can be
-  const pictures = [parts.camera && camera.take(parts.camera), parts.lcd && lcd.take(parts.lcd)];
+  if (parts.camera) await camera.take(parts.camera);
+  message.decoded = unix();
   if (parts.surface) camera.surface = parts.surface;
+  await frame();
+  if (parts.camera) camera.paint();
+  await shown();
+  seen(message);
+  ask();
+  stale(false);
   if (parts.residual && lattice) {
     residual.take(parts.residual, lattice);
     camera.setMask(residual.map);
   }
-  if (lattice) depth.take(parts, lattice);
-  await Promise.all(pictures);
-  camera.paint();
-  if (parts.lcd) lcd.paint();
-  await new Promise(requestAnimationFrame);
-  seen(message);
+  if (lattice) depth.take(parts, lattice, values.state !== "resting");
   depth.takeProbe(message.probe);
   history.take(message.rows);
   said(message.said);
-  paint(message);
+  if (Object.keys(values).length) paint(values);
   if (parts.surface && depth.place) solid.take(depth.surface, depth.place, depth.scales.depth);
+  if (parts.lcd) lcd.take(parts.lcd).then(() => lcd.paint());
 }
 
 // How long ago what is on the screen now was exposed.
 function seen(message) {
   page.contents += 1;
+  page.first_ms ??= performance.now();
+  solid.begin();
   page.arrived.push(performance.now());
-  if (message.unix_time_ms && message.parts.camera) {
-    const late = performance.timeOrigin + performance.now() - message.unix_time_ms;
-    page.latencies_ms.push(late);
-    $("latency").textContent = late > -5 && late < 60000 ? `exposure to pixel ${late.toFixed(0)} ms` : "";
+  if (message.stages_ms && message.parts.camera) {
+    page.stages.push({ ...message.stages_ms, arrived: message.arrived, decoded: message.decoded, painted: unix() });
   }
-  for (const list of [page.latencies_ms, page.arrived]) if (list.length > 2000) list.shift();
+  for (const list of [page.stages, page.arrived]) if (list.length > 2000) list.shift();
 }
 
 function said(list) {
@@ -85,23 +103,35 @@ function said(list) {
   for (const one of list) if (one.kind !== "state") history.mark(one.time_s);
 }
 
-function paint(message) {
-  const { values } = message, now = performance.now();
-  if (Object.keys(values).length) {
-    showState(values);
-    showFigures(values);
-    controls.show(values);
-    timeline.show(values);
-    guide.show(values);
-    lists.values(values, lasting(values));
-    if (values.duration_s != null) history.moment(values.time_s);
-    if (now - painted > 200) {
-      painted = now;
-      history.paint();
-      lists.contacts(values.contacts ?? []);
-      lists.calibration(values);
-    }
+// Words and plots five times a second, which is as often as they can be read; a new state at once.
+function paint(values) {
+  const now = performance.now(), steady = lasting(values);
+  if (values.duration_s != null) history.moment(values.time_s);
+  timeline.show(values);
+  controls.values = values; // of two methods with one key, the one that makes sense now
+  if (now - painted < WORDS_MS && steady.state === stated) {
+    waiting = values;
+    return;
   }
+  [painted, stated, waiting] = [now, steady.state, null];
+  showState(steady, camera.time);
+  showFigures(values);
+  showLatency(values);
+  controls.show(values);
+  guide.show(values);
+  lists.values(values, steady);
+  history.paint();
+  lists.contacts(values.contacts ?? []);
+  lists.calibration(values);
+}
+
+// Median of the last second, by the clocks of both machines.
+function showLatency(values) {
+  const late = page.stages.slice(-20).map((one) => one.painted - one.exposed).sort((a, b) => a - b);
+  const middle = late[Math.floor(late.length / 2)];
+  const known = middle > -5 && middle < 60000 ? `exposure to pixel ${middle.toFixed(0)} ms` : "";
+  const kind = values.duration_s != null ? "recorded, not live" : values.simulated_time ? "in simulated time" : known;
+  if ($("latency").textContent !== kind) $("latency").textContent = kind;
 }
 
 function hello(message) {
@@ -112,6 +142,7 @@ function hello(message) {
   lists.beginValues(table);
   $("events").replaceChildren();
   controls.begin(table, message.may_control);
+  guide.begin(table);
   timeline.begin(table, message.may_control);
   if (table.mode === "replay") $("history-span").value = "0";
   history.begin(message.columns, message.rows);
@@ -169,6 +200,7 @@ const call = (method, args) => link.call(method, args);
 const controls = new Controls(call, keys), timeline = new Timeline(call);
 const link = new Link(wanted, { hello, content, state: linkState });
 setInterval(() => {
+  if (waiting) paint(waiting);
   const silent = (performance.now() - arrived) / 1000;
   if (page.link === "open") stale(silent > 1.5, arrived > 0 ? `nothing new for ${silent.toFixed(0)} s` : "waiting for the run");
 }, 250);

@@ -33,6 +33,8 @@ export class Layer {
 }
 
 const CONTOURS_MS = 200;
+export const MEASURED = 1; // of the kinds of node
+const GREY = 128, HATCH = 5; // nodes from stripe to stripe
 
 export class Scale {
   // Follows the range at once outwards, slowly inwards, so that colours do not jump. least: smallest range.
@@ -69,7 +71,8 @@ export class MapView {
     this.lines = new Layer();
   }
 
-  // lattice: { shape, values, first: [u, v], spacing, image: [columns, rows] }
+  // lattice: { shape, values, first: [u, v], spacing, image: [columns, rows] }, and where there are any, `kind`:
+  // nodes that were not measured themselves are hatched
   show(lattice) {
     this.lattice = lattice;
     this.image = lattice.image;
@@ -83,9 +86,8 @@ export class MapView {
       const value = lattice.values[i];
       if (Number.isNaN(value)) continue;
       const at = 3 * Math.min(255, Math.max(0, Math.round((value - low) * factor)));
-      pixels.data[4 * i] = this.colours[at];
-      pixels.data[4 * i + 1] = this.colours[at + 1];
-      pixels.data[4 * i + 2] = this.colours[at + 2];
+      const grey = lattice.kind && lattice.kind[i] !== MEASURED && ((i % columns) + Math.floor(i / columns)) % HATCH < 2;
+      for (let c = 0; c < 3; c++) pixels.data[4 * i + c] = grey ? GREY : this.colours[at + c];
       pixels.data[4 * i + 3] = 255;
     }
     this.raster.getContext("2d").putImageData(pixels, 0, 0);
@@ -170,7 +172,11 @@ export class MapView {
   }
 
   paintBar() {
-    const scale = fit(this.bar), context = this.bar.getContext("2d"), { width, height } = this.bar;
+    const scale = fit(this.bar), context = this.bar.getContext("2d");
+    const range = [this.scale.low, this.scale.high].map((value) => value.toPrecision(3));
+    const { width, height } = this.bar, key = [...range, this.unit.name, ink("--ink"), width, height].join(" ");
+    if (key === this.barred) return;
+    this.barred = key;
     const top = 18 * scale, bottom = height - 6 * scale, bar = 12 * scale;
     context.clearRect(0, 0, width, height);
     for (let y = top; y < bottom; y++) {

@@ -1,6 +1,6 @@
 // Plots over time and place, by uPlot, that follow their box and the colours of the page.
 
-import { ink } from "/static/colours.js";
+import { dry, ink, rounded } from "/static/colours.js";
 
 const all = [];
 
@@ -14,15 +14,17 @@ class Plot {
 
   make() {
     this.uplot?.destroy();
-    const axis = (label, size) => ({
+    const axis = (size, more) => ({
       stroke: ink("--soft"), grid: { stroke: ink("--grid"), width: 1 }, ticks: { stroke: ink("--grid"), width: 1 },
-      label, labelSize: 14, labelFont: "11px system-ui", font: "11px system-ui", size, labelGap: 0, gap: 3,
+      font: "11px system-ui", size, gap: 3, ...more,
     });
+    const place = { values: (_, all, __, ___, step) => all.map((value) => `${rounded(value, step)} ${this.unit}`) };
+    const label = { label: this.series[0].label, labelSize: 14, labelFont: "11px system-ui", labelGap: 0 };
     this.uplot = new window.uPlot(
       {
         width: Math.max(this.box.clientWidth, 50), height: Math.max(this.box.clientHeight, 50), padding: [8, 10, 0, 0],
         scales: { x: { time: false } }, legend: { show: false }, cursor: { drag: { x: false, y: false } },
-        axes: [axis(this.unit, 20), axis(this.series[0].label, 46)],
+        axes: [axis(22, place), axis(46, label)],
         series: [{}, ...this.series.map((one) => ({
           label: one.label, stroke: ink(one.stroke), width: one.width ?? 1, dash: one.dash, points: { show: false },
         }))],
@@ -69,4 +71,7 @@ class Plot {
 }
 
 export const plot = (box, unit, series, marks) => new Plot(box, unit, series, marks);
-export const recolour = () => all.forEach((one) => one.make());
+export function recolour() {
+  dry();
+  all.forEach((one) => one.make());
+}

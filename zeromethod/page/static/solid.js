@@ -1,11 +1,22 @@
 // The surface in space, to turn: drag turns it, the wheel comes nearer.
 
 import { DEPTH, ink } from "/static/colours.js";
+import { MEASURED } from "/static/mapview.js";
 
 const $ = (id) => document.getElementById(id);
+const LINEAR = Float32Array.from({ length: 256 }, (_, k) => (k / 255) ** 2.2);
 const EVERY = 2; // nodes left out between those that are drawn
-const SHORTEST_MS = 90;
-const REST = 6; // without a graphics card a picture takes long: then so many times as long passes before the next
+const SHORTEST_MS = 90, WITHOUT_CARD_MS = 500; // between two pictures; one drawn by software holds up all others
+const REST = 6; // so many times as long as a picture took passes before the next
+
+// Whether there is no graphics card.
+function bySoftware() {
+  const gl = document.createElement("canvas").getContext("webgl2");
+  const names = gl?.getExtension("WEBGL_debug_renderer_info");
+  const name = gl?.getParameter(names ? names.UNMASKED_RENDERER_WEBGL : gl.RENDERER) ?? "";
+  gl?.getExtension("WEBGL_lose_context")?.loseContext();
+  return /swiftshader|llvmpipe|softpipe|software/i.test(name);
+}
 
 export class SolidPanel {
   constructor() {
@@ -13,6 +24,12 @@ export class SolidPanel {
     this.turn = { azimuth: -0.6, height: 0.75, distance: 1.55 };
     this.painted = 0;
     this.listen();
+  }
+
+  // Loads what draws in space; three quarters of the page, so not before the first picture is there.
+  begin() {
+    if (this.begun) return;
+    this.begun = true;
     import("/vendor/three.module.min.js").then((three) => this.make(three)).catch(() => {
       $("solid-note").textContent = "this browser has no WebGL";
     });
@@ -20,7 +37,9 @@ export class SolidPanel {
 
   make(three) {
     this.three = three;
-    this.renderer = new three.WebGLRenderer({ canvas: this.canvas, antialias: true, alpha: true });
+    const software = bySoftware();
+    this.shortest = software ? WITHOUT_CARD_MS : SHORTEST_MS;
+    this.renderer = new three.WebGLRenderer({ canvas: this.canvas, antialias: !software, alpha: true });
     this.scene = new three.Scene();
     this.camera = new three.PerspectiveCamera(35, 1, 0.01, 100);
     this.scene.add(new three.HemisphereLight(0xffffff, 0x667788, 2.2));
@@ -99,7 +118,8 @@ export class SolidPanel {
         position[3 * n + 1] = (y[k] - my) / size;
         position[3 * n + 2] = known[n] ? -depth * toMm : 0;
         const at = 3 * Math.round(255 * Math.min(1, Math.max(0, this.scale.share(depth) || 0)));
-        for (let c = 0; c < 3; c++) colour[3 * n + c] = (DEPTH[at + c] / 255) ** 2.2;
+        const measured = this.surface.kind[k] === MEASURED; // what was not measured itself is grey
+        for (let c = 0; c < 3; c++) colour[3 * n + c] = measured ? LINEAR[DEPTH[at + c]] : LINEAR[128];
       }
     }
     const index = [];
@@ -115,13 +135,13 @@ export class SolidPanel {
     const [w, h] = [(right - left) / size / 2, (high - low) / size / 2];
     const corners = [[-w, -h, 0], [w, -h, 0], [w, -h, 0], [w, h, 0], [w, h, 0], [-w, h, 0], [-w, h, 0], [-w, -h, 0]];
     this.frame.geometry.setAttribute("position", new three.BufferAttribute(new Float32Array(corners.flat()), 3));
-    $("solid-note").textContent = `${(right - left).toFixed(0)} × ${(high - low).toFixed(0)} mm, turn by dragging`;
+    $("solid-note").textContent = `${(right - left).toFixed(0)} × ${(high - low).toFixed(0)} mm`;
   }
 
   paint(now) {
     if (!this.three || !this.surface || !this.place || document.hidden) return;
     const began = performance.now();
-    if (!now && began - this.painted < Math.max(SHORTEST_MS, REST * (this.took ?? 0))) return;
+    if (!now && began - this.painted < Math.max(this.shortest, REST * (this.took ?? 0))) return;
     this.build();
     $("exaggeration-out").textContent = `depth × ${this.factor}`;
     const scale = Math.min(window.devicePixelRatio || 1, 2), { clientWidth: width, clientHeight: height } = this.canvas;

@@ -9,7 +9,7 @@ const LOOKS = {
   lost: ["✕", "bad"], fault: ["✖", "bad"], stopped: ["■", ""], done: ["✔", "good"], failed: ["✖", "bad"],
 };
 
-const FLASH_S = 0.3;
+const FLASH_S = 0.3, OLD_S = 0.5;
 let since = null, steady = null;
 
 // A single frame that may not be used comes now and then: what lasts less than 0.3 s is not shown.
@@ -22,18 +22,22 @@ function lasting(values) {
   return values.time_s - since < FLASH_S ? { ...values, state: steady.state, reason: steady.reason, fresh: true } : values;
 }
 
-export function showState(all) {
-  const values = lasting(all);
-  const [symbol, level] = LOOKS[values.state] ?? ["●", ""];
+// pictureS: time of the camera's picture, null where it is not known
+export function showState(values, pictureS) {
+  const [symbol, level] = LOOKS[values.state] ?? ["●", ""], doubt = values.doubt ?? "";
   $("symbol").textContent = symbol;
-  document.body.dataset.level = level;
+  // nothing looks good while depth does not count
+  document.body.dataset.level = doubt && level === "good" ? "warn" : level;
   $("uncalibrated").hidden = values.calibrated !== false;
-  const held = values.fresh === false && values.state !== "starting";
-  document.body.classList.toggle("held", held);
-  const from = values.peak_time_s == null ? "" : ` since ${values.peak_time_s.toFixed(1)} s`;
+  // what does not count loses its colour; pictures that are not of now, too
+  const old = pictureS != null && values.time_s - pictureS > OLD_S;
+  document.body.classList.toggle("held", old);
+  document.body.classList.toggle("doubted", doubt !== "" && values.state !== "paused");
   for (const badge of document.querySelectorAll(".badge")) {
-    badge.hidden = !held;
-    badge.textContent = badge.closest("#camera") ? `${values.state}` : `not of now: held${from}`;
+    const ofDepth = doubt || (values.calibrated === false ? "relative: not calibrated" : "");
+    const words = badge.closest("#camera") ? (old ? `picture of ${pictureS.toFixed(1)} s` : "") : ofDepth;
+    badge.hidden = words === "";
+    badge.textContent = words;
   }
 }
 
@@ -48,16 +52,17 @@ export function showFigures(values) {
   const sigma = values.peak_sigma_mm == null ? null : 1e3 * values.peak_sigma_mm;
   const n = digits(um, sigma);
   set("peak", fixed(um, n));
-  set("peak-sigma", sigma == null ? "" : `± ${sigma.toFixed(n)}${values.calibrated === false ? " (relative)" : ""}`);
+  set("peak-sigma", sigma == null ? "" : `± ${sigma.toFixed(n)}`);
+  set("peak-name", values.calibrated === false ? "peak depth, relative" : "peak depth");
   set("peak-at", values.peak_x_mm == null ? "–" : `${values.peak_x_mm.toFixed(1)}, ${values.peak_y_mm.toFixed(1)}`);
   set("depth-sigma", fixed(values.depth_sigma_um, 3));
-  set("force", values.force_normal_n == null ? "not measured yet" : `${values.force_normal_n.toFixed(3)} N`);
+  set("force", fixed(values.force_normal_n, 3));
+  set("force-unit", values.force_normal_n == null ? "not measured yet" : "N");
   set("residual-rms", fixed(values.residual_px, 3));
   set("rate", fixed(values.loop_rate_hz, 1));
   set("delay", fixed(values.delay_ms, 1));
   set("dropped", values.dropped == null ? "–" : String(values.dropped));
-  const stale = values.peak_time_s == null || values.time_s == null ? "" : `${Math.max(0, values.time_s - values.peak_time_s).toFixed(2)} s behind`;
-  set("depth-note", values.peak_where ? `peak ${values.peak_where}${values.time_s - values.peak_time_s > 0.5 ? `, ${stale}` : ""}` : "");
+  set("depth-note", values.peak_where ? `peak ${values.peak_where}` : "");
 }
 
 export { lasting };

@@ -15,7 +15,7 @@ export class Timeline {
       <input type="range" id="scrub" data-method="seek" min="0" max="1" step="0.001" aria-label="time of the recording">
       <output id="scrub-at"></output>
       <select id="speed" data-method="speed" aria-label="speed"></select>
-      <button id="loop-from" title="play from here …">from</button><button id="loop-to" title="… to here, over and over">to</button>
+      <button id="loop-from" title="play from here …">loop from here</button><button id="loop-to" title="… to here, over and over">to here</button>
       <button id="loop-none" data-method="stretch">whole</button><output id="loop-shown"></output>`;
     $("speed").append(...[0.1, 0.25, 0.5, 1, 2, 5, 10].map((x) => new Option(`× ${x}`, x)));
     for (const one of $("timeline").querySelectorAll("button, input, select")) one.disabled = !mayControl;
