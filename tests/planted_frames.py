@@ -38,7 +38,7 @@ class PlantedFrames:
 
     @cached_property
     def reader(self) -> FineReader:
-        return FineReader(self.rig, self.optics, self.grid)
+        return FineReader(self.rig, self.optics, self.grid, divide=False)
 
     @cached_property
     def pixels(self):

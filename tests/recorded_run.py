@@ -14,6 +14,7 @@ from zeromethod.devices.abilities import script_of
 from zeromethod.recording.checksums import canonical, checksum_of, checksums_of
 from zeromethod.recording.recorder import Recorder
 from zeromethod.recording.schema import KEEP, TABLES
+from zeromethod.session.uneven_rest import UnevenRest
 
 
 def small_rig(press: str = "step", seed: int = 0, factor: int = 4) -> Rig:
@@ -58,7 +59,7 @@ def recorded(
             reopen_camera=devices.reopen_camera,
             optics=optics,
         )
-        reader = SurfaceReader(rig, optics, loop.grid)
+        reader, uneven = SurfaceReader(rig, optics, loop.grid), UnevenRest(loop.q_rest)
         with Recorder(
             path,
             rig,
@@ -75,7 +76,7 @@ def recorded(
                 if on_step is not None:
                     on_step(loop, step)
                 if step.measured is not None:
-                    surface = reader.follow(step.measured)
+                    surface = reader.follow(uneven.levelled(step.measured, step.state, step.zero))
                     deepest = peak(surface)
                     recorder.add_reading(replace(step, surface=surface, peak=deepest, read_ms=0.0))
                     if on_reading is not None:

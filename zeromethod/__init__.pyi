@@ -16,6 +16,7 @@ from .drivers.listing import cameras
 from .drivers.monitors import monitors
 from .errors import InputError, MeasurementError
 from .export.formats import export_recording
+from .fine.surface import FineSurface
 from .loop.events import Event
 from .loop.loop import Loop
 from .loop.state import State
@@ -52,6 +53,7 @@ __all__ = [
     "DelayResult",
     "Devices",
     "Event",
+    "FineSurface",
     "InputError",
     "Loop",
     "Measurement",

@@ -1,7 +1,5 @@
 """What dirt does to nodes is learned at rest and taken off; everything else stays."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
@@ -19,10 +17,6 @@ SLOW = 0.3 * np.sin(COL / 25)[..., None]
 """A rest that is not quite the rig's."""
 
 
-def step(state=State.RESTING, zero=None):
-    return SimpleNamespace(state=state, zero=zero)
-
-
 def warp(seed, more=0.0, dirt=DIRT):
     noise = SIGMA * np.random.default_rng(seed).standard_normal(REST.shape)
     flags = np.zeros(SHAPE, np.uint16)
@@ -33,13 +27,13 @@ def warp(seed, more=0.0, dirt=DIRT):
 def learned(**given):
     uneven = UnevenRest(REST)
     for seed in range(FRAMES):
-        uneven.levelled(warp(seed, **given), step())
+        uneven.levelled(warp(seed, **given), State.RESTING, None)
     return uneven
 
 
 def test_what_dirt_does_is_taken_off_in_presses_too_and_left_open_in_sigma():
     press = 3 * np.exp(-((COL - 30) ** 2 + (ROW - 20) ** 2) / 200)[..., None]
-    found = learned().levelled(warp(99, press), step(State.LOCKED))
+    found = learned().levelled(warp(99, press), State.LOCKED, None)
     off = found.q - REST - SLOW - press
     disturbed = DIRT[..., 0] > 0
     # noise of one frame, of sixteen, and the slow rest's curvature over the square that is the measure
@@ -54,21 +48,21 @@ def test_what_dirt_does_is_taken_off_in_presses_too_and_left_open_in_sigma():
 def test_a_clean_rest_changes_nothing():
     uneven = learned(dirt=0.0)
     given = warp(99, dirt=0.0)
-    assert uneven.levelled(given, step()) is given or np.abs(
-        uneven.levelled(given, step()).q - given.q
+    assert uneven.levelled(given, State.RESTING, None) is given or np.abs(
+        uneven.levelled(given, State.RESTING, None).q - given.q
     ).max() < (5 * SIGMA)
 
 
 def test_nothing_is_learned_while_something_presses():
     uneven = UnevenRest(REST)
     for seed in range(2 * FRAMES):
-        uneven.levelled(warp(seed), step(State.LOCKED))
+        uneven.levelled(warp(seed), State.LOCKED, None)
     given = warp(99)
-    assert uneven.levelled(given, step()) is given
+    assert uneven.levelled(given, State.RESTING, None) is given
 
 
 def test_a_new_zero_is_learned_again():
     uneven = learned()
     zero = np.zeros_like(REST)
     given = warp(99, dirt=0.0)
-    assert uneven.levelled(given, step(zero=zero)) is given
+    assert uneven.levelled(given, State.RESTING, zero) is given

@@ -40,6 +40,7 @@ from zeromethod.optics import check_geometry
 from zeromethod.publishing.publisher import Publisher
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import SIMULATED, Rig
+from zeromethod.session.fine import with_moving_target
 from zeromethod.session.result import RunResult
 from zeromethod.session.session import Session
 from zeromethod.session.summary import summarise
@@ -88,6 +89,11 @@ _STRIPS = {True: "edges", False: "none", None: None}
     type=click.Choice(["never", "when-needed", "always"]),
     help="Read folds and dents too fine for the LCD by coded pictures.  [default: when-needed]",
 )
+@click.option(
+    "--fine",
+    is_flag=True,
+    help="Read depth on every camera pixel, too, about twice a second; the target then moves.",
+)
 @figure_option
 @summary_option
 def run_command(
@@ -107,6 +113,7 @@ def run_command(
     controller: str | None,
     follow_bench: bool,
     burst: str | None,
+    fine: bool,
     figure: Path | None,
     summary: Path | None,
     **others: Any,
@@ -141,6 +148,8 @@ def run_command(
             "burst": burst,
         },
     )
+    if fine:
+        rig = with_moving_target(rig)
     check_geometry(rig)
     limit_threads()
     with (
@@ -164,7 +173,11 @@ def run_command(
             with_first_rest(rig, rig_name, opened) as stated,
             nullcontext(say("preparing the loop: rays, shaders")),
             Session(
-                stated, devices=opened, publisher=publisher, record=recording.maker(stated, stored)
+                stated,
+                devices=opened,
+                publisher=publisher,
+                record=recording.maker(stated, stored),
+                fine=fine,
             ) as session,
             stopped_by_signals(session.interrupt),
         ):

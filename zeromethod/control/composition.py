@@ -33,6 +33,9 @@ from zeromethod.warp.warp import Warp
 LEAST_GAIN = 0.2
 """K_min: filtered noise is 0.33 of a single frame's; larger motion raises K by itself."""
 
+SLOW_GAIN = 0.1
+"""K of nodes that fail again and again."""
+
 MARGIN = 1.5
 """M: S scatters by about 0.25 at rest, as the 49 averaged nodes share pixels; below 1.9 it is noise."""
 
@@ -56,11 +59,18 @@ class Controller(Protocol):
     def estimate(self) -> Float:
         """(rows, cols, 2) LCD px where the nodes looked in the last frame, finite everywhere."""
 
-    def update(self, residual: Residual, measured: Warp, horizon_s: Float | None = None) -> bool:
+    def update(
+        self,
+        residual: Residual,
+        measured: Warp,
+        horizon_s: Float | None = None,
+        unsteady: Mask | None = None,
+    ) -> bool:
         """Take in one frame; False when the command stayed as it was.
 
         horizon_s: (n,) s from a frame's mid-exposure to that of the frames exposed to the resulting picture,
-        from the panel's first row to its last; None while unknown.
+        from the panel's first row to its last; None while unknown. unsteady: (rows, cols) nodes to be
+        followed slowly, and to stay as they are where they fail; None for none.
         """
 
     def set_gain(self, gain: float) -> None:
@@ -180,6 +190,7 @@ class Composition:
         residual: Residual,  # noqa: ARG002 - only the integrator uses it
         measured: Warp,
         horizon_s: Float | None = None,
+        unsteady: Mask | None = None,
     ) -> bool:
         """Take in one frame; False when the command was frozen: pictures too mixed, or no valid node."""
         mixed = (measured.flags & _MIXED) != 0
@@ -203,6 +214,12 @@ class Composition:
             target,
             RADIUS,
         )
+        if unsteady is not None:
+            slow = np.where(valid, SLOW_GAIN, 0.0)[unsteady]
+            self.gain[unsteady] = slow
+            away = np.nan_to_num(measured.q[unsteady] - self._rest.q[unsteady] - x[unsteady])
+            target[unsteady] = x[unsteady] + slow[:, None] * away
+            valid = valid | unsteady
         continue_smoothly(target, valid, out=target)
         observable = observable_part(target, out=self._observable)
         _drop_unobservable(target, observable, self.gain, valid, x)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from zeromethod.arrays import Float
+from zeromethod.arrays import Float, Mask
 from zeromethod.sensing.residual import Residual
 from zeromethod.warp.compose import compose
 from zeromethod.warp.continuation import continue_smoothly
@@ -45,6 +45,7 @@ class Integrator:
         residual: Residual,
         measured: Warp,
         horizon_s: Float | None = None,  # noqa: ARG002 - ignores delay
+        unsteady: Mask | None = None,  # noqa: ARG002 - the leak steadies them
     ) -> bool:
         """Take in one frame; False when it has no valid node."""
         flags = measured.flags & ~_TOLERATED

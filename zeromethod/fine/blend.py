@@ -49,5 +49,6 @@ def blended_variance(coarse: Float, fine: Float, share: Float, count: int) -> Fl
     """Variance (rows, cols, 2) of `blend`, the coarse frame being the newest of the fine reading's."""
     w = share[..., None]
     moved = coarse * (1.0 / np.maximum(w, 1e-3) - 1.0)
-    own = (1.0 - w) ** 2 * coarse + w**2 * (fine + moved) + 2.0 * w * (1.0 - w) * coarse / count
+    with np.errstate(invalid="ignore"):  # infinite where a node was not measured
+        own = (1.0 - w) ** 2 * coarse + w**2 * (fine + moved) + 2.0 * w * (1.0 - w) * coarse / count
     return np.where(np.isfinite(fine) & (w > 0.0), own, coarse)

@@ -16,6 +16,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import cv2
 import numba
 import numpy as np
 
@@ -25,6 +26,11 @@ from zeromethod.fine.frames import Steps
 from zeromethod.rig.model import Noise
 
 UNKNOWNS = 5
+_TORN_PX = 6.0
+"""Step of displacement between neighbouring pixels, camera px, above which one is a whole period off."""
+_POOLED_PX = 5
+_MOVED_MISFIT = 1.6
+"""Misfit over its median from which frames disagree; chance makes 1.3 of 25 pixels in 24 frames."""
 _WORST_GAIN = 1000.0
 """Largest noise gain of a row's fit over that of ideal phases at which it counts as solvable."""
 
@@ -70,13 +76,26 @@ class Demodulated:
     """Every pixel's displacement against the target as shown, (rows, cols) each, last axis along u, v.
 
     d: (rows, cols, 2) camera px, within half a period. variance: (rows, cols, 2) px^2. modulation:
-    (rows, cols, 2) amplitude of the carriers, grey levels. mean: (rows, cols) grey level.
+    (rows, cols, 2) amplitude of the carriers, grey levels. mean: (rows, cols) grey level. misfit: (rows,
+    cols) variance of the grey levels about the fit, grey^2: noise alone where nothing moved.
     """
 
     d: Single
     variance: Single
     modulation: Single
     mean: Single
+    misfit: Single
+
+
+@numba.njit(cache=True, inline="always")
+def _quadratic(matrix: Float, values: Single, i: int) -> float:
+    total = 0.0
+    for a in range(5):
+        part = 0.0
+        for b in range(5):
+            part += matrix[a, b] * values[b, i]
+        total += part * values[a, i]
+    return total
 
 
 @numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
@@ -84,34 +103,41 @@ def _fit(
     images: Image,
     solution: Single,
     covariance: Float,
+    normal: Float,
     table: Float,
     per_rad: float,
     noise: tuple[float, float, float],
+    level: float,
     d: Single,
     variance: Single,
     modulation: Single,
     mean: Single,
+    misfit: Single,
 ) -> None:
     count, rows, cols = images.shape
     period = table.shape[0]
     still, per_grey, black = noise
-    sums = np.empty((5, cols), np.float32)
+    sums, squares = np.empty((5, cols), np.float32), np.empty(cols, np.float32)
+    zero = np.float32(level)
     for j in range(rows):
         sums[:] = np.float32(0.0)
+        squares[:] = np.float32(0.0)
         for t in range(count):
             line = images[t, j]
             w0, w1, w2 = solution[j, 0, t], solution[j, 1, t], solution[j, 2, t]
             w3, w4 = solution[j, 3, t], solution[j, 4, t]
             for i in range(cols):
-                grey = np.float32(line[i])
+                grey = np.float32(line[i]) - zero
                 sums[0, i] += w0 * grey
                 sums[1, i] += w1 * grey
                 sums[2, i] += w2 * grey
                 sums[3, i] += w3 * grey
                 sums[4, i] += w4 * grey
+                squares[i] += grey * grey
         for i in range(cols):
-            mean[j, i] = sums[0, i]
-            grey2 = still + per_grey * max(sums[0, i] - black, 0.0)
+            mean[j, i] = sums[0, i] + zero
+            misfit[j, i] = (squares[i] - _quadratic(normal[j], sums, i)) / (count - 5)
+            grey2 = still + per_grey * max(mean[j, i] - black, 0.0)
             for axis in range(2):
                 at = (j if axis else i) % period
                 c, s = sums[1 + 2 * axis, i], sums[2 + 2 * axis, i]
@@ -150,17 +176,39 @@ def demodulate(images: Image, design: Design, period_px: int, noise: Noise) -> D
     per_grey = 0.0 if noise.electrons_per_grey is None else 1.0 / noise.electrons_per_grey
     scales = noise.read_grey**2 + 1 / 12, per_grey, noise.black_grey
     d, variance, modulation = (np.empty((*shape, 2), np.float32) for _ in range(3))
-    out = Demodulated(d, variance, modulation, np.empty(shape, np.float32))
+    out = Demodulated(d, variance, modulation, np.empty(shape, np.float32), np.empty(shape, np.float32))
+    normal = np.swapaxes(design.basis, 1, 2) @ design.basis
     _fit(
-        images, design.solution.astype(np.float32), design.covariance, table, period_px / (2 * np.pi), scales,
-        out.d, out.variance, out.modulation, out.mean,
+        images, design.solution.astype(np.float32), design.covariance, normal, table,
+        period_px / (2 * np.pi), scales, float(images[:, ::64, ::64].mean()),
+        out.d, out.variance, out.modulation, out.mean, out.misfit,
     )  # fmt: skip
     return out
 
 
 def usable_pixels(found: Demodulated, ceiling: int, least_visibility: float, most_sigma_px: float) -> Mask:
-    """(rows, cols) pixels whose carriers are seen well enough, and that are not overexposed in the mean."""
+    """(rows, cols) pixels whose carriers are seen well enough, and no whole period off their neighbours.
+
+    Pixels that are overexposed in a frame do not count either.
+    """
     weakest = found.modulation.min(axis=-1)
     noisy = found.variance.max(axis=-1)
     seen = (weakest > least_visibility * found.mean) & (noisy < most_sigma_px**2)
-    return np.asarray(seen & (found.mean + found.modulation.sum(axis=-1) < ceiling))
+    seen &= found.mean + found.modulation.sum(axis=-1) < ceiling
+    for axis in (0, 1):
+        torn = (np.abs(np.diff(found.d, axis=axis)) > _TORN_PX).any(axis=-1)
+        before, after = [slice(None), slice(None)], [slice(None), slice(None)]
+        before[axis], after[axis] = slice(None, -1), slice(1, None)
+        seen[tuple(before)] &= ~torn
+        seen[tuple(after)] &= ~torn
+    return np.asarray(seen)
+
+
+def stood(found: Demodulated) -> Mask:
+    """(rows, cols) pixels whose grey levels scatter about the fit as noise does: nothing moved there.
+
+    Noise is what scatters in the middle of the view's pixels.
+    """
+    size = _POOLED_PX, _POOLED_PX
+    pooled = np.asarray(cv2.boxFilter(found.misfit, -1, size, borderType=cv2.BORDER_REFLECT))
+    return np.asarray(pooled < _MOVED_MISFIT * float(np.median(pooled[::8, ::8])))

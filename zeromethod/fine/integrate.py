@@ -18,6 +18,8 @@ from zeromethod.arrays import Float, Mask, Single
 ENOUGH = 1e-5
 """Residual over that of no solution, preconditioned, at which it is solved: errors of depth are below it."""
 _MOST_ITERATIONS = 60
+_EVENED_PX = 31
+"""Pixels over which weights are averaged for the preconditioner."""
 
 
 @numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc"})
@@ -93,16 +95,18 @@ class PixelIntegrator:
         (rows, cols), where to begin. Pixels without steps get what the smooth continuation gives.
         """
         across, down = weights
-        mean = [float(np.mean(one[one > 0.0])) if (one > 0.0).any() else 1.0 for one in weights]
-        values = eigenvalues(self._shape, *mean).astype(np.float32)
+        scale, ratio = _evened(across, down)
+        values = eigenvalues(self._shape, 1.0, ratio).astype(np.float32)
         values[0, 0] = np.inf
         right, x, product = np.empty(self._shape, np.float32), start.copy(), np.empty(self._shape, np.float32)
         _divergence(*steps, across, down, right)
 
         def conditioned(left: Single) -> Single:
-            waves = dctn(left, norm="ortho", overwrite_x=False)
+            waves = dctn(left * scale, norm="ortho", overwrite_x=True)
             waves /= values
-            return np.asarray(idctn(waves, norm="ortho", overwrite_x=True))
+            found = np.asarray(idctn(waves, norm="ortho", overwrite_x=True))
+            found *= scale
+            return found
 
         enough = ENOUGH**2 * _dot(right, conditioned(right))
         _apply(x, across, down, product)
@@ -124,6 +128,24 @@ class PixelIntegrator:
             way += guess
             self.iterations += 1
         return x
+
+
+def _evened(across: Single, down: Single) -> tuple[Single, float]:
+    """Factor (rows, cols) that evens weights out from both sides, and the weight down over that across.
+
+    Over the smooth mean of weights around: L is about S^-1 L' S^-1, L' with even ones.
+    """
+    rows, cols = across.shape[0], down.shape[1]
+    total, known = np.zeros((rows, cols), np.float32), np.zeros((rows, cols), np.float32)
+    total[:, :-1] = across
+    known[:, :-1] = across > 0.0
+    size = _EVENED_PX, _EVENED_PX
+    sums = [np.asarray(cv2.boxFilter(one, -1, size, normalize=False)) for one in (total, known)]
+    middle = float(total.sum() / max(known.sum(), 1.0))
+    around = np.where(sums[1] > 0.5, sums[0] / np.maximum(sums[1], 0.5), middle)
+    both = down[down > 0.0]
+    ratio = float(both.mean()) / middle if both.size and middle > 0.0 else 1.0
+    return (1.0 / np.sqrt(np.maximum(around, 1e-6 * middle))).astype(np.float32), ratio
 
 
 def _dot(one: Single, other: Single) -> float:

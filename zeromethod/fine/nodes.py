@@ -9,14 +9,21 @@ import numpy as np
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.fine.blend import blend, blended_variance, fine_share
-from zeromethod.fine.demodulate import Demodulated, Design
+from zeromethod.fine.demodulate import Demodulated, Design, stood
 from zeromethod.fine.frames import FineFrame
 from zeromethod.fine.lattice import PixelLattice
 from zeromethod.sensing.window import triangle
 from zeromethod.warp.compose import compose
 from zeromethod.warp.jacobian import jacobian
+from zeromethod.warp.validity import Flag
 from zeromethod.warp.warp import Role, Warp
 
+_WHOLE_WINDOW = 0.9
+"""The same from which pixels alone make a node."""
+_SEEN_BY_PIXELS = np.uint16(
+    Flag.MODULATION | Flag.LIGHT_LOST | Flag.FOLDED | Flag.UNDRAWABLE | Flag.AMBIGUOUS | Flag.BESIDE_DARK
+)
+"""Reasons for which a node is left out that need not concern its pixels."""
 _LEAST_WINDOW = 0.3
 """Share of a sensing window's pixels that must be usable for its mean to count."""
 
@@ -71,6 +78,10 @@ def read_nodes(
     valid = np.logical_and.reduce([frame.measured.valid for frame in frames])
     share = fine_share(coarse, np.stack([frame.measured.sigma for frame in frames]), valid)
     share[~np.isfinite(fine).all(axis=-1)] = 0.0
+    # what is too fine or steep for a window may still be seen pixel by pixel
+    by_pixels = grid.padded((part > _WHOLE_WINDOW) & _standing(lattice, pixels, usable), False)
+    by_pixels &= ~valid & (newest.flags & _SEEN_BY_PIXELS == newest.flags) & np.isfinite(fine).all(axis=-1)
+    share[by_pixels] = 1.0
     variance, _ = lattice.window_means(pixels.variance, usable)
     gain = float((triangle(grid.period_px) ** 2).sum()) ** 2
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -78,9 +89,17 @@ def read_nodes(
     fine2 = _matvec(bending * bending, window2)
     q = blend(coarse[-1], fine, share)
     sigma = np.sqrt(blended_variance(newest.sigma**2, fine2, share, len(frames)))
-    warp = Warp(q, sigma, newest.flags, newest.time_ns, Role.MEASURED)
+    flags = np.where(by_pixels, np.uint16(0), newest.flags)
+    sigma = np.where(by_pixels[..., None], np.sqrt(np.maximum(fine2, 0.0)), sigma)
+    warp = Warp(np.where(by_pixels[..., None], fine, q), sigma, flags, newest.time_ns, Role.MEASURED)
     offset = added_mean - _matvec(bending, excess)
     return NodeWindows(warp, shown, offset, np.where(np.isfinite(fine), fine, q), share, bending)
+
+
+def _standing(lattice: PixelLattice, pixels: Demodulated, usable: Mask) -> Mask:
+    """(inner rows, inner cols) nodes in whose window nearly all pixels' frames agree with each other."""
+    still, _ = lattice.window_means(stood(pixels)[..., None].astype(np.float32), usable)
+    return np.asarray(still[..., 0] > _WHOLE_WINDOW)
 
 
 def _matvec(matrix: Float, vector: Float) -> Float:

@@ -18,6 +18,8 @@ from zeromethod.arrays import Float, Mask, Single
 from zeromethod.fine.integrate import eigenvalues
 from zeromethod.sensing.window import transfer
 
+_SAME = 0.1
+"""Relative change of what the noise beyond the window is computed from, up to which it is kept."""
 _POINTS = np.array([11.0, -93.0, 802.0, 802.0, -93.0, 11.0]) / 1440.0
 """Weights of pixels in the integral from one to the next, as `surface.differences` has them."""
 
@@ -74,22 +76,47 @@ def _squares(wave: Float) -> Float:
     return out
 
 
-def detail_variance(slope2: Single, x_mm: Float, y_mm: Float, valid: Mask, period_px: int) -> Float:
-    """Variance (rows, cols), mm^2, of depth by the pixels' noise beyond the sensing window.
+class DetailNoise:
+    """Variance of depth by the pixels' noise beyond the sensing window.
 
-    slope2: (2, rows, cols) variance of the slope, rad^2, which varies slowly over the view: the variance goes
-    with it, as most of it comes from nearby.
+    Computed again when the noise of the two slopes, against each other, or the pixels' steps have changed.
+
+    period_px: of the carriers, and so of the window. gain: as `wave_variance` takes it.
     """
-    rows, cols = valid.shape
-    steps, variances = [], []
-    for axis in (1, 0):
-        dx, dy = (float(np.mean(np.diff(one, axis=axis))) for one in (x_mm, y_mm))
-        step2 = dx * dx + dy * dy
+
+    def __init__(self, period_px: int, gain: Float | None = None) -> None:
+        self._period_px, self._gain = period_px, gain
+        self._known: tuple[float, float, float] | None = None
+        self._unit = np.zeros((0, 0))
+
+    def variance(self, slope2: Single, x_mm: Float, y_mm: Float, valid: Mask) -> Float:
+        """Variance (rows, cols), mm^2.
+
+        slope2: (2, rows, cols) variance of the slope, rad^2, which varies slowly over the view: the variance
+        goes with it, as most of it comes from nearby. valid: (rows, cols), some.
+        """
         x2, y2 = (float(np.mean(one[valid])) for one in slope2)
-        steps.append(float(np.sqrt(step2)))
-        variances.append((x2 * dx * dx + y2 * dy * dy) / step2)
-    wave = wave_variance((rows, cols), (steps[0], steps[1]), (variances[0], variances[1]))
-    down, across = (transfer(period_px, np.maximum(np.arange(n), 1e-6) / (2 * n)) for n in (rows, cols))
-    whole = wave * (1.0 - np.outer(down, across) ** 2)
-    level = np.mean(slope2, axis=0)
-    return np.asarray(_squares(whole) * level / float(np.mean(level[valid])))
+        steps, variances = [], []
+        for axis in (1, 0):
+            dx, dy = (_mean_step(one, axis) for one in (x_mm, y_mm))
+            steps.append(float(np.hypot(dx, dy)))
+            variances.append((x2 * dx * dx + y2 * dy * dy) / (dx * dx + dy * dy))
+        now = variances[1] / variances[0], steps[0], steps[1]
+        if self._known is None or not np.allclose(now, self._known, rtol=_SAME):
+            self._known = now
+            self._unit = self._beyond_window(valid.shape, (steps[0], steps[1]), now[0])
+        level = np.mean(slope2, axis=0)
+        return np.asarray(self._unit * (variances[0] / float(np.mean(level[valid]))) * level)
+
+    def _beyond_window(self, shape: tuple[int, ...], steps_mm: tuple[float, float], ratio: float) -> Float:
+        """Variance (rows, cols) where slopes along columns have variance 1, and along rows this one."""
+        rows, cols = shape
+        wave = wave_variance((rows, cols), steps_mm, (1.0, ratio), self._gain)
+        down, across = (transfer(self._period_px, np.maximum(np.arange(n), 1e-6) / (2 * n)) for n in shape)
+        return _squares(wave * (1.0 - np.outer(down, across) ** 2))
+
+
+def _mean_step(values: Float, axis: int) -> float:
+    """Mean difference of neighbours along an axis."""
+    ends = np.take(values, [0, -1], axis=axis).mean(axis=1 - axis)
+    return float((ends[1] - ends[0]) / (values.shape[axis] - 1))

@@ -9,12 +9,13 @@ import numpy as np
 from zeromethod.arrays import Float, Image, Mask, Single
 from zeromethod.fine.demodulate import Demodulated, Design, demodulate, usable_pixels
 from zeromethod.fine.detail import pixel_detail
+from zeromethod.fine.footprint import Footprint
 from zeromethod.fine.frames import FineFrame
 from zeromethod.fine.integrate import PixelIntegrator, largest_part, step_weights
 from zeromethod.fine.lateness import lateness
 from zeromethod.fine.lattice import PixelLattice
 from zeromethod.fine.nodes import NodeWindows, read_nodes
-from zeromethod.fine.noise import detail_variance
+from zeromethod.fine.noise import DetailNoise
 from zeromethod.fine.slope import Planes, lever_planes, pixel_slopes
 from zeromethod.fine.surface import FineSurface
 from zeromethod.optics import Optics
@@ -49,9 +50,12 @@ class FineReader:
         Rays of the rig.
     grid : NodeGrid
         Nodes of the warps.
+    divide : bool
+        Divide depth by the pupil's footprint and the lens's blur, as far as the rig file states them;
+        without, depth is the mirror's as seen through both.
     """
 
-    def __init__(self, rig: Rig, optics: Optics, grid: NodeGrid) -> None:
+    def __init__(self, rig: Rig, optics: Optics, grid: NodeGrid, divide: bool = True) -> None:
         self._camera, self._grid = rig.camera, grid
         self._lattice = PixelLattice(grid)
         self._reader = SurfaceReader(rig, optics, grid)
@@ -62,6 +66,10 @@ class FineReader:
         whole = np.where(regular[..., None, None], sensitivity, np.eye(2))
         self._lever = Lever(MirrorRays(optics, u, v), whole)
         self._integrator = PixelIntegrator(self._lattice.shape)
+        self._footprint = Footprint(rig, self._lattice) if divide else None
+        self._detail_noise = DetailNoise(
+            grid.period_px, None if self._footprint is None else self._footprint.gain
+        )
         self._last = np.zeros(self._lattice.shape, np.float32)
 
     def read(self, frames: Sequence[FineFrame]) -> FineSurface:
@@ -102,9 +110,11 @@ class FineReader:
     def _demodulated(self, images: Image, design: Design) -> Demodulated:
         """Pixels between the nodes."""
         found = demodulate(images, design, self._grid.period_px, self._camera.noise)
-        fields = found.d, found.variance, found.modulation, found.mean
-        d, variance, modulation, mean = (np.ascontiguousarray(one[self._lattice.box]) for one in fields)
-        return Demodulated(d, variance, modulation, mean)
+        fields = found.d, found.variance, found.modulation, found.mean, found.misfit
+        d, variance, modulation, mean, misfit = (
+            np.ascontiguousarray(one[self._lattice.box]) for one in fields
+        )
+        return Demodulated(d, variance, modulation, mean, misfit)
 
     def _read_pixels(self, nodes: NodeWindows, pixels: Demodulated, usable: Mask, count: int) -> FineSurface:
         lattice, inner = self._lattice, self._grid.inner
@@ -115,7 +125,9 @@ class FineReader:
             nodes.window - nodes.offset, np.asarray(np.isfinite(nodes.window).all(axis=-1))
         )[inner]
         level = lattice.to_pixels_exact(np.moveaxis(away, -1, 0))
-        detail = pixel_detail(nodes.shown, pixels.d, level, PADDING, self._grid.spacing_px)
+        footprint = self._footprint
+        d = pixels.d if footprint is None else footprint.sharpened(pixels.d, usable)
+        detail = pixel_detail(nodes.shown, d, level, PADDING, self._grid.spacing_px)
         seen = usable & np.isfinite(detail).all(axis=-1)
         # what moves may blur within the frames: there the nodes are read all the same
         valid = lattice.enclosed(surface.valid[inner]) & (seen | (share < _LEAST_SHARE))
@@ -134,6 +146,9 @@ class FineReader:
         scale = lattice.to_pixels_exact(self._reader.scale)
         error -= _mean(error, lattice.enclosed(surface.anchor.mask[inner]) & valid, valid)
         depth = level_mm + scale * error
+        if footprint is not None and footprint.divides:
+            before, depth = depth, footprint.divided(depth)
+            slope = slope + _gradient(depth - before, x, y)
         sigma_slope2 = share**2 * slope2 + (1 - share) ** 2 * self._window_slope2(surface)
         sigma2 = self._depth_variance(surface, x, y, slope2, share, valid)
 
@@ -155,6 +170,7 @@ class FineReader:
             time_ns=surface.time_ns,
             frames=count,
             coarse=surface,
+            footprint_divided=footprint is not None and footprint.divides,
         )
 
     def _integrated(
@@ -188,7 +204,7 @@ class FineReader:
         nodes2 = self._lattice.to_pixels_exact(both) ** 2
         if not valid.any():
             return nodes2
-        return nodes2 + share**2 * detail_variance(slope2, x, y, valid, self._grid.period_px)
+        return nodes2 + share**2 * self._detail_noise.variance(slope2, x, y, valid)
 
 
 def _continued(surface: Surface, inner: tuple[slice, slice]) -> tuple[Float, Float]:
@@ -197,6 +213,13 @@ def _continued(surface: Surface, inner: tuple[slice, slice]) -> tuple[Float, Flo
     known = np.isfinite(depth)
     pair = continue_smoothly(np.stack([depth, depth], axis=-1), known)
     return continue_smoothly(slope, known), pair[..., 0]
+
+
+def _gradient(depth_mm: Float, x: Float, y: Float) -> Single:
+    """Slope (2, rows, cols) of a depth at points x, y."""
+    (xv, xu), (yv, yu), (dv, du) = (np.gradient(one) for one in (x, y, depth_mm))
+    area = xu * yv - xv * yu
+    return np.stack([(yv * du - yu * dv) / area, (xu * dv - xv * du) / area]).astype(np.float32)
 
 
 def _mean(values: Float, among: Mask, otherwise: Mask) -> float:

@@ -15,6 +15,7 @@ from zeromethod.loop.burst import Burst
 from zeromethod.loop.circle import Circle, Sensor, controller_of
 from zeromethod.loop.order_check import OrderCheck
 from zeromethod.loop.panel_blur import PanelBlur
+from zeromethod.loop.unsteady_nodes import UnsteadyNodes
 from zeromethod.optics import Optics
 from zeromethod.pattern import Target
 from zeromethod.pattern.stepping import shift_of
@@ -72,7 +73,8 @@ def make_circle(
         blur = PanelBlur(rig, rest.grid)
         expected = light if light.needed else None
         order, coded = order_check(rig, rest), burst(rig, rest)
-        return Circle(rest, exposures, sensor, controller, black_grey, expected, blur, order, coded)
+        unsteady = UnsteadyNodes(rest.grid.shape) if rig.target.step else None
+        return Circle(rest, exposures, sensor, controller, black_grey, expected, blur, order, coded, unsteady)
 
     warm_up(circle(), target, rig)
     return CircleParts(rest, strips, circle())

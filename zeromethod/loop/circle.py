@@ -29,6 +29,7 @@ from zeromethod.loop.light_quality import LightWatch
 from zeromethod.loop.measured_warp import Known, expect, measure_warp, unmixed
 from zeromethod.loop.order_check import Order, OrderCheck
 from zeromethod.loop.panel_blur import PanelBlur
+from zeromethod.loop.unsteady_nodes import UnsteadyNodes
 from zeromethod.pattern.coded import Coded
 from zeromethod.rig.model import ControlSpec
 from zeromethod.sensing.residual import Residual
@@ -142,11 +143,13 @@ class Circle:
         panel_blur: PanelBlur | None = None,
         order_check: OrderCheck | None = None,
         burst: Burst | None = None,
+        unsteady: UnsteadyNodes | None = None,
     ) -> None:
         """Put the parts together.
 
         expected_light: None where the light at rest is the light everywhere. panel_blur: None for a panel
         that has none. order_check: None for a target without periods. burst: None where none is ever drawn.
+        unsteady: counts nodes that are to be followed slowly; None where none are.
         """
         self.rest = rest
         self.exposures = exposures
@@ -158,6 +161,7 @@ class Circle:
         self._panel_blur = panel_blur
         self._order_check = order_check
         self.burst = burst
+        self._unsteady = unsteady
         self._horizon = Horizon(exposures.timing.upwards)
         self._source_ns: int | None = None
         # At rest the order of every node is known: it is that of the rest map.
@@ -286,7 +290,10 @@ class Circle:
             return False, Event.FROZEN
         if self.coded is not None:
             return False, None
-        changed = self.controller.update(residual, measured, self._horizon.age_s)
+        unsteady = None
+        if self._unsteady is not None:
+            unsteady = self._unsteady.learn(measured.flags, measured.time_ns)
+        changed = self.controller.update(residual, measured, self._horizon.age_s, unsteady)
         if not changed and measured.valid.any():
             return False, Event.PICTURES_MIXED
         self._trusted = measured.valid

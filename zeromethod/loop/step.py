@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields
 from zeromethod.arrays import Float, Image
 from zeromethod.contact import Contact, ContactFigures
 from zeromethod.exposure.target_phase import TargetPhase
+from zeromethod.fine.surface import FineSurface
 from zeromethod.loop.call import Call
 from zeromethod.loop.drawing import Drawn
 from zeromethod.loop.events import Event
@@ -98,14 +99,14 @@ class Step(StepFigures):
     """One step of the loop with its arrays, which are its own; None where there is nothing to report.
 
     image: (rows, cols) grey levels as the camera gave them. residual: camera px.
-    shown: the mix of warps that the frame saw. target: known phase of a moving target in it. measured:
-    the warp by this frame alone, from the zero taken last (`Loop.rezero`); None when the frame must not
-    be believed (then `events` says why; a part of it may still be right, but its peak need not be).
-    commanded: what is to be shown next. filtered: the controller's own estimate, from the same zero.
-    zero: (rows, cols, 2) LCD px, that zero less the rig's; None for 0.
-    surface: slope and depth read from `measured`. contacts: what touches, as `touching`, with borders.
-    presented: what was noted as presented since the step before; the first `presented_before` of them before
-    this step's frame was looked at.
+    shown: the mix of warps that the frame saw. target: known phase of a moving target in it. measured: the
+    warp by this frame alone, from the zero taken last (`Loop.rezero`); None when the frame must not be
+    believed (then `events` says why; a part of it may still be right, but its peak need not be). commanded:
+    what is to be shown next. filtered: the controller's own estimate, from the same zero. zero: (rows, cols,
+    2) LCD px, that zero less the rig's; None for 0. surface: slope and depth read from `measured`. contacts:
+    what touches, as `touching`, with borders. fine: slope and depth on every pixel, from the last frames, now
+    and then. presented: what was noted as presented since the step before; the first `presented_before` of
+    them before this step's frame was looked at.
     """
 
     commanded: Warp
@@ -118,6 +119,7 @@ class Step(StepFigures):
     zero: Float | None = None
     surface: Surface | None = None
     contacts: tuple[Contact, ...] = ()
+    fine: FineSurface | None = None
     presented: tuple[Drawn, ...] = ()
     presented_before: int = 0
 

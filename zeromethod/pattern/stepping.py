@@ -3,7 +3,9 @@
 Picture k shows T_k(u, v) = T(u + s_u P, v + s_v P), P the period: s goes from 0 to one period along u and to
 two along v in equal steps, and back. So every pixel sees several phases of both carriers within a few frames,
 what stands still on LCD and sensor is at another phase in each, and an error of the timing, which is a phase
-error proportional to the speed of the steps, changes its sign with them and averages out.
+error proportional to the speed of the steps, changes its sign with them and averages out. V turns a quarter
+of the way there and back later than u: what came late would otherwise look like a displacement in each
+direction (`fine.lateness`).
 """
 
 from __future__ import annotations
@@ -21,6 +23,12 @@ def shift_of(step: int, number: int) -> tuple[float, float]:
     """
     if step == 0:
         return 0.0, 0.0
-    place = number % (2 * step)
-    along = min(place, 2 * step - place) / step
-    return along, ALONG_V * along
+    along_u, along_v = (_to_and_fro(place, step) for place in (number, number + step // 2))
+    # a whole period less is the same picture
+    return along_u, ALONG_V * along_v - 1.0
+
+
+def _to_and_fro(place: int, step: int) -> float:
+    """0 to 1 in equal steps, and back."""
+    place %= 2 * step
+    return min(place, 2 * step - place) / step

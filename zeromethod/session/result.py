@@ -9,6 +9,7 @@ from zeromethod.control.stability_margin import Margin
 from zeromethod.loop.state import READ, State
 from zeromethod.loop.step import Step, StepFigures
 from zeromethod.rig.model import Rig
+from zeromethod.session.fine_figures import FineFigures
 from zeromethod.surface.comparison import TruthSource
 from zeromethod.warp.rest import Rest
 
@@ -35,6 +36,8 @@ class RunResult:
     records : list of StepFigures
         Figures of the last `KEPT_FRAMES` steps at least; a run may go on for days. In real time a frame is
         read after its step: its record gets the peak then, or never.
+    fine : list of FineFigures
+        Figures of the fine surfaces that were read.
     frames, dropped, steps : int
         Frames that came, frames that the camera dropped, and steps of the loop, with and without a frame.
     events : dict
@@ -63,6 +66,7 @@ class RunResult:
     rest: Rest
     true_mirror: TruthSource | None = None
     records: list[StepFigures] = field(default_factory=list)
+    fine: list[FineFigures] = field(default_factory=list)
     frames: int = 0
     steps: int = 0
     dropped: int = 0

@@ -28,6 +28,7 @@ from zeromethod.optics import Optics, check_geometry
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
 from zeromethod.session.delay_note import DelayNote
+from zeromethod.session.fine import FineReadings, with_moving_target
 from zeromethod.session.outputs import Record, StepPublisher, publishing
 from zeromethod.session.reading import StepReader, rms_nm, timed, warm_up_warp, with_reading
 from zeromethod.session.result import RunResult
@@ -61,6 +62,9 @@ class Session:
         time, those that were read in real time.
     record : str, Path or callable, optional
         File in which to record everything (.h5), or what makes the recorder of a loop.
+    fine : bool
+        Read slope and depth on every camera pixel, too, from the last frames, about twice a second. The
+        target then moves (`target.step`).
 
     Raises
     ------
@@ -83,8 +87,11 @@ class Session:
         devices: Devices | None = None,
         publisher: StepPublisher | str | None = None,
         record: Record = None,
+        fine: bool = False,
     ) -> None:
         self.rig = rig if isinstance(rig, Rig) else load_rig(rig)
+        if fine:
+            self.rig = with_moving_target(self.rig)
         check_geometry(self.rig)
         with ExitStack() as stack:
             self._devices = devices or stack.enter_context(open_devices(self.rig))
@@ -108,6 +115,9 @@ class Session:
             self.recording = RunRecording(record, self.rig, self.loop)
             stack.callback(self._end_recording)
             self._surfaces = Surfaces(self.rig, self._optics, self._grid)
+            self._fine: FineReadings | None = None
+            if fine:
+                self._fine = FineReadings(self.rig, self._optics, self._grid, self._truth)
             self._contacts = ContactFinder(self.rig, self._optics, self._grid)
             self._touched: tuple[Contact, ...] = ()
             self._uneven = UnevenRest(self.loop.q_rest)
@@ -180,7 +190,8 @@ class Session:
         Step
             Every step of the loop. `step.surface` and `step.peak` are the newest reading that has become
             ready since the step before, None for none: in simulated time that of the step's own frame, in
-            real time that of a frame shortly before, whose mid-exposure is `step.surface.time_ns`.
+            real time that of a frame shortly before, whose mid-exposure is `step.surface.time_ns`. So is
+            `step.fine`, the newest fine surface.
 
         Raises
         ------
@@ -215,6 +226,8 @@ class Session:
             seconds, _ = self.length(frames, seconds)
         if self.loop.live and not self._reads_apart:
             self._closing.enter_context(self._surfaces.in_own_process(warm_up_warp(self.loop.rest)))
+            if self._fine is not None:
+                self._closing.enter_context(self._fine.in_own_process())
             self._reads_apart = True
         with ExitStack() as stack:
             now_ns = self._devices.clock.now_ns if self.loop.live else None
@@ -234,9 +247,19 @@ class Session:
                     self.recording.add_step(step)
                     step = replace(step, notes=step.notes + self._notes())
                     self.result.add(step.figures)
-                    yield with_reading(step, self._collect(reading))
+                    yield self._with_fine(step, with_reading(step, self._collect(reading)))
             except KeyboardInterrupt:
                 self.result.interrupted = True
+
+    def _with_fine(self, step: Step, read: Step) -> Step:
+        """The step as read, with the newest fine surface that has become ready."""
+        if self._fine is None:
+            return read
+        self._fine.add(step)
+        for surface, figures in self._fine.collect():
+            self.result.fine.append(figures)
+            read = replace(read, fine=surface)
+        return read
 
     def interrupt(self) -> None:
         """End the run as Ctrl-C does, with all that was measured; from a signal handler, or any thread."""
@@ -273,7 +296,7 @@ class Session:
         """Read one step; in real time in a thread of its own."""
         measured = step.measured
         assert measured is not None
-        levelled = self._uneven.levelled(measured, step)
+        levelled = self._uneven.levelled(measured, step.state, step.zero)
         surface, deepest, read_ms = timed(lambda: self._surfaces.read(levelled))
         contacts = self._touching(step, surface)
         surface, deepest, contacts = self._contacts.carry(surface, deepest, contacts)
@@ -326,4 +349,5 @@ class Session:
 
     def _notes(self) -> tuple[str, ...]:
         """Notes of everything but the loop itself."""
-        return self._delay_note.take() + self.recording.notes() + self._surfaces.notes()
+        fine = () if self._fine is None else self._fine.notes()
+        return self._delay_note.take() + self.recording.notes() + self._surfaces.notes() + fine

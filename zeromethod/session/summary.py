@@ -181,6 +181,7 @@ def summarise(result: RunResult) -> Figures:
         "residual_px_rms": _median_residual_px(read or held),
         "calibrated": all(record.calibrated for record in records),
         **_depth_figures(result, read),
+        "fine": _fine(result),
         "contacts": contact_rows(records),
         "loop_ms": _percentiles(record.loop_ms for record in records),
         "draw_ms": _percentiles(record.draw_ms for record in records),
@@ -192,6 +193,23 @@ def summarise(result: RunResult) -> Figures:
         "versions": dict(_versions()),
     }
     return {key: _finite(value) for key, value in figures.items()}
+
+
+def _fine(result: RunResult) -> Figures | None:
+    """Of the last fine surface of the hold, or of the run where there is no hold."""
+    of = [one for one in result.fine if one.phase == "hold"] or result.fine
+    if not of:
+        return None
+    errors = ("depth_peak_error_percent", "depth_rms_error_um")
+    truth = {name: getattr(of[-1], name) for name in errors}
+    known = bool(np.isfinite(truth["depth_rms_error_um"]))
+    return {
+        "rows": of[-1].rows,
+        "cols": of[-1].cols,
+        "depth_peak_mm": of[-1].depth_peak_mm,
+        "surfaces": len(result.fine),
+        "truth": truth if known else None,
+    }
 
 
 def _read_figures(records: list[StepFigures]) -> Figures:

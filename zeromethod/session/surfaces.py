@@ -11,7 +11,7 @@ import sys
 import threading
 import time
 import traceback
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from zeromethod.array_exchange import NONE, ArrayExchange, shared_memory
@@ -38,17 +38,24 @@ class ReadingLost(Exception):
 class SurfaceProcess:
     """A `SurfaceReader` in a process of its own: of the same warps in turn the same readings, bit for bit."""
 
-    def __init__(self, rig: Rig, grid: NodeGrid) -> None:
-        """Start it; `read` waits until it has started. Raises ReadingLost where it cannot be."""
+    def __init__(
+        self, rig: Rig, grid: NodeGrid, module: str = __name__, size: int = 0, patience_s: float | None = None
+    ) -> None:
+        """Start it; `read` waits until it has started. Raises ReadingLost where it cannot be.
+
+        module: whose `main` it runs. size: bytes of shared memory; 0: what surfaces need. patience_s: how
+        long a reading may take.
+        """
+        self._patience_s = patience_s
         self._turn = threading.Lock()
         self._asked_s: float | None = None
         self._why = ""
-        memory = shared_memory("zeromethod surfaces", _BYTES_PER_NODE * math.prod(grid.shape))
+        memory = shared_memory("zeromethod surfaces", size or _BYTES_PER_NODE * math.prod(grid.shape))
         self._exchange = ArrayExchange(memory)
         pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
         handles = () if memory == NONE else (memory,)
         try:
-            self._process = start_process(__name__, str(memory), pass_fds=handles, **pipes)
+            self._process = start_process(module, str(memory), pass_fds=handles, **pipes)
         except OSError as error:
             raise ReadingLost(f"it does not start: {error.strerror}") from None
         finally:
@@ -66,33 +73,37 @@ class SurfaceProcess:
 
         Raises what reading raised; ReadingLost once the process has ended.
         """
+        surface, deepest = self.ask(warp)
+        return surface, deepest
+
+    def ask(self, request: object) -> Any:
+        """Answer of the process to a request; raises as `read`."""
         with self._turn:
             self._asked_s = time.monotonic()
             try:
-                answer = self._ask(warp)
+                answer = self._ask(request)
             finally:
                 self._asked_s = None
         if isinstance(answer, Exception):
             raise answer
-        surface, deepest = answer
-        return surface, deepest
+        return answer
 
-    def _ask(self, warp: Warp) -> Any:
+    def _ask(self, request: object) -> Any:
         given, answers = self._process.stdin, self._process.stdout
         assert given is not None
         assert answers is not None
         try:
-            self._exchange.send((self._setting, warp), given)
+            self._exchange.send((self._setting, request), given)
             self._setting = None
             return self._exchange.receive(answers)
         except (EOFError, OSError, ValueError, pickle.UnpicklingError):
             raise ReadingLost(self._why or self._end()) from None
 
     def give_up_if_late(self) -> None:
-        """End it where a reading takes longer than `PATIENCE_S`, which makes that raise ReadingLost."""
-        asked_s = self._asked_s
-        if asked_s is not None and time.monotonic() - asked_s > PATIENCE_S and not self._why:
-            self._why = f"a reading took more than {PATIENCE_S:g} s"
+        """End it where a reading takes longer than it may, which makes that raise ReadingLost."""
+        asked_s, patience_s = self._asked_s, self._patience_s or PATIENCE_S
+        if asked_s is not None and time.monotonic() - asked_s > patience_s and not self._why:
+            self._why = f"a reading took more than {patience_s:g} s"
             self._process.kill()
 
     def _end(self) -> str:
@@ -172,20 +183,28 @@ class Surfaces:
         )
 
 
-def _serve(exchange: ArrayExchange) -> None:
+def _reads(rig: Rig, grid: NodeGrid) -> Callable[[Warp], tuple[Surface, Peak]]:
+    reader = SurfaceReader(rig, Optics(rig), grid)
+
+    def read(warp: Warp) -> tuple[Surface, Peak]:
+        surface = reader.follow(warp)
+        return surface, peak(surface)
+
+    return read
+
+
+def _serve(exchange: ArrayExchange, reads: Callable[[Rig, NodeGrid], Callable[[Any], object]]) -> None:
     requests = sys.stdin.buffer
     with take_output() as answers:
-        reader: SurfaceReader | None = None
+        read: Callable[[Any], object] | None = None
         setting: Any = None
         while True:
-            first, warp = exchange.receive(requests)
+            first, request = exchange.receive(requests)
             setting = first or setting
             answer: object
             try:
-                rig, grid = setting
-                reader = reader or SurfaceReader(rig, Optics(rig), grid)
-                surface = reader.follow(warp)
-                answer = surface, peak(surface)
+                read = read or reads(*setting)
+                answer = read(request)
             except Exception as error:
                 error.add_note(f"In the process that reads surfaces: {traceback.format_exc()}")
                 answer = error
@@ -194,14 +213,20 @@ def _serve(exchange: ArrayExchange) -> None:
 
 
 def main() -> None:
-    """Warps come in at standard input, surfaces with their peaks go out at standard output.
+    """Warps come in at standard input, surfaces with their peaks go out at standard output."""
+    serve(_reads)
 
-    The first one comes with rig and grid. Argument: the file descriptor of the memory for their arrays.
+
+def serve(reads: Callable[[Rig, NodeGrid], Callable[[Any], object]]) -> None:
+    """Answer the requests at standard input at standard output, until nobody sends any more.
+
+    reads: makes the function that answers, of rig and grid, which come with the first request. The process's
+    argument: the file descriptor of the memory for arrays.
     """
     ignore_signals()
     limit_threads()
     report_compiling(lambda words: sys.stderr.writelines((words, "\n")))
     try:
-        _serve(ArrayExchange(int(sys.argv[1])))
+        _serve(ArrayExchange(int(sys.argv[1])), reads)
     except (EOFError, BrokenPipeError):
         os._exit(0)  # the run is over, and nobody listens

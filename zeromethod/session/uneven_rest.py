@@ -14,7 +14,6 @@ from scipy.ndimage import maximum_filter, median_filter
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.loop.state import State
-from zeromethod.loop.step import Step
 from zeromethod.warp.warp import Warp
 
 FRAMES = 16
@@ -43,12 +42,18 @@ class UnevenRest:
         self._off: Float | None = None
         self._open: Float | None = None
 
-    def levelled(self, measured: Warp, step: Step) -> Warp:
-        """A measured warp, from the step's zero, without what dirt does to it; learns from steps at rest."""
-        if step.zero is not self._zero:
-            self._zero = step.zero
+    def levelled(self, measured: Warp, state: State, zero: Float | None) -> Warp:
+        """A measured warp, from a zero, without what dirt does to it; learns from those at rest.
+
+        state: of the loop in this step. zero: (rows, cols, 2) LCD px; None for the rig's.
+        """
+        same = zero is self._zero or (
+            zero is not None and self._zero is not None and np.array_equal(zero, self._zero)
+        )
+        if not same:
+            self._zero = zero
             self._forget()
-        if self._frames < FRAMES and step.state is State.RESTING:
+        if self._frames < FRAMES and state is State.RESTING:
             self._learn(measured)
         if self._off is None or self._open is None:
             return measured

@@ -36,6 +36,9 @@ _LIKELY_LCD_PX = 1.0
 _VISIBLE = 1e-3
 """Curl energy of a combination of modes, over the largest, from which it counts as visible."""
 
+_SOLVED = 1e-6
+"""Error of the modes' depths, relative."""
+
 _KEEP_SHARE = 0.05
 """Templates are kept while the mask differs on fewer nodes than this share."""
 
@@ -78,20 +81,25 @@ class _Templates:
     depth: Float
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _lacking(steps: Float, depth: Float, island: Mask, axis: int) -> Float:
-    """Steps along an axis that depth lacks, 0 off the island: templates kept may have nodes lost since."""
-    out = np.zeros(steps.shape)
+@numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc"})
+def _products(templates: Float, steps: Float, depth: Float, island: Mask, axis: int) -> Float:
+    """Sum (terms,) of what depth lacks of the steps along an axis, on the island, times each template.
+
+    Templates kept may have nodes lost since. In the same order on every machine's threads, which sums by a
+    library are not.
+    """
+    out, line = np.zeros(len(templates)), np.zeros(steps.shape[1])
     for i in range(steps.shape[0]):
         for j in range(steps.shape[1]):
-            if island[i, j] and island[i + 1 - axis, j + axis]:
-                out[i, j] = steps[i, j] - depth[i + 1 - axis, j + axis] + depth[i, j]
+            there = island[i, j] and island[i + 1 - axis, j + axis]
+            lacking = steps[i, j] - depth[i + 1 - axis, j + axis] + depth[i, j]
+            line[j] = lacking if there else 0.0
+        for k in range(len(templates)):
+            total = 0.0
+            for j in range(len(line)):
+                total += templates[k, i, j] * line[j]
+            out[k] += total
     return out
-
-
-def _products(templates: Float, steps: Float) -> Float:
-    """Sum (terms,) of the steps times each template, which is 0 off the island."""
-    return templates.reshape(len(templates), -1) @ steps.ravel()
 
 
 class CurlTest:
@@ -119,8 +127,9 @@ class CurlTest:
         """Test one reading, converged; shift_px: rms shift of the warp from rest, LCD px."""
         made = self._templates(noise, read.point[..., 0], read.point[..., 1])
         island = self._integrator.island
-        across, down = (_lacking(one, read.depth, island, 1 - axis) for axis, one in enumerate(read.steps))
-        products = _products(made.across, across) + _products(made.down, down)
+        across, down = read.steps
+        products = _products(made.across, across, read.depth, island, 1)
+        products += _products(made.down, down, read.depth, island, 0)
         found = (made.inverse @ products)[:-1]
         covariance = made.covariance * (self._mean_variance(noise) / made.noise)
         model_px = np.hypot(_UNKNOWN_GEOMETRY * shift_px, LEAST_LCD_PX / MOVED_STATISTIC)
@@ -146,7 +155,7 @@ class CurlTest:
         weight_across, weight_down = integrator.step_weights
         slopes = np.where(island[..., None], np.nan_to_num([*self._slopes, self._constant]), 0.0)
         count = len(self._slopes)
-        depth = np.stack([integrator.integrate(one, x_mm, y_mm) for one in slopes])
+        depth = np.stack([integrator.integrate(one, x_mm, y_mm, share=_SOLVED) for one in slopes])
         left = [
             integrator.left_over(integrator.steps(one, x_mm, y_mm), part)
             for one, part in zip(slopes, depth, strict=True)

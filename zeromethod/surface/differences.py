@@ -51,8 +51,8 @@ def integral_table() -> Float:
     return table
 
 
-_DERIVATIVE = derivative_table()
-_INTEGRAL = integral_table()
+DERIVATIVE = derivative_table()
+INTEGRAL = integral_table()
 
 
 @numba.njit(cache=True)
@@ -143,6 +143,36 @@ def _along_rows(
 
 
 @numba.njit(cache=True)
+def derivatives(x: Any, y: Any, valid: Any, table: Any) -> Any:
+    """Derivatives (rows, cols) of x and y (rows, cols) along the rows, at valid nodes; else 0."""
+    out = np.zeros((2, *valid.shape))
+    for i in range(valid.shape[0]):
+        start, end = _next_run(valid, i, 0)
+        while start < valid.shape[1]:
+            for j in range(start, end):
+                out[0, i, j], out[1, i, j] = _derivative_at(x, y, i, j, start, end, table)
+            start, end = _next_run(valid, i, end)
+    return out[0], out[1]
+
+
+@numba.njit(cache=True)
+def integral_stencils(valid: Any) -> Any:
+    """(n, 4) row and column of the steps along rows next to a gap or border, first node and node count."""
+    rows, cols = valid.shape
+    out, count = np.empty((rows * cols, 4), np.int64), 0
+    for i in range(rows):
+        start, end = _next_run(valid, i, 0)
+        while start < cols:
+            for j in range(start, end - 1):
+                if not start + 2 <= j < end - 3:
+                    first, points = _integral_stencil(j, start, end)
+                    out[count, 0], out[count, 1], out[count, 2], out[count, 3] = i, j, first, points
+                    count += 1
+            start, end = _next_run(valid, i, end)
+    return out[:count].copy()
+
+
+@numba.njit(cache=True)
 def _integral_adjoint(weight: Any, weights: Any, padded: Any, line: Any) -> None:
     """Weights of a run's nodes from those of all its steps but two at either end; padded: scratch."""
     w0, w1, w2 = weights[0], weights[1], weights[2]
@@ -209,10 +239,10 @@ def depth_differences_adjoint(across: Float, down: Float, x_mm: Float, y_mm: Flo
     along, turned = np.empty((2, *valid.shape)), np.empty((2, *valid.T.shape))
     for one in np.ndindex(across.shape[:-2]):
         along[:], turned[:] = 0.0, 0.0
-        _along_rows_adjoint(across[one], x, y, known, _DERIVATIVE, _INTEGRAL, along[0], along[1])
+        _along_rows_adjoint(across[one], x, y, known, DERIVATIVE, INTEGRAL, along[0], along[1])
         steps = np.ascontiguousarray(down[one].T)
         _along_rows_adjoint(
-            steps, x_turned, y_turned, known_turned, _DERIVATIVE, _INTEGRAL, turned[0], turned[1]
+            steps, x_turned, y_turned, known_turned, DERIVATIVE, INTEGRAL, turned[0], turned[1]
         )
         out[(*one, ..., 0)], out[(*one, ..., 1)] = along[0] + turned[0].T, along[1] + turned[1].T
     return out
@@ -229,5 +259,5 @@ def depth_differences(slope: Float, x_mm: Float, y_mm: Float, valid: Mask) -> tu
     fields: tuple[Any, ...] = slope[..., 0], slope[..., 1], x_mm, y_mm, valid
     for each, out in ((fields, across), ([one.T for one in fields], down)):
         sx, sy, x, y, known = (np.ascontiguousarray(one) for one in each)
-        _along_rows(sx, sy, x, y, known, _DERIVATIVE, _INTEGRAL, out)
+        _along_rows(sx, sy, x, y, known, DERIVATIVE, INTEGRAL, out)
     return across, down.T

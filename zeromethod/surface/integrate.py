@@ -254,6 +254,11 @@ class SlopeIntegrator:
         return edges.solution.solve(rhs, share)
 
     @property
+    def variance(self) -> Float:
+        """Slope variance (rows, cols, 2) that the weights are for, up to a factor; 0 where never known."""
+        return self._variance
+
+    @property
     def step_weights(self) -> tuple[Float, Float]:
         """Weights (rows, cols-1), (rows-1, cols) of the steps' squared errors; 0 off the island."""
         return self._edges.across / self._h_across, self._edges.down / self._h_down

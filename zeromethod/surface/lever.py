@@ -72,6 +72,18 @@ def _variance(
 
 
 @numba.njit(cache=True, error_model="numpy")
+def _variance_at_rest(rest: Float, spread: Float, out: Float) -> None:
+    for j in range(rest.shape[1]):
+        for i in range(rest.shape[2]):
+            a, b, c, e = rest[0, j, i], rest[1, j, i], rest[2, j, i], rest[3, j, i]
+            per = 1.0 / (a * e - b * c)
+            xx, xy, yy = spread[0, j, i], spread[1, j, i], spread[2, j, i]
+            per *= per
+            out[j, i, 0] = (e * e * xx - 2.0 * e * b * xy + b * b * yy) * per
+            out[j, i, 1] = (a * a * yy - 2.0 * a * c * xy + c * c * xx) * per
+
+
+@numba.njit(cache=True, error_model="numpy")
 def _factor(
     rest: Float,
     by: NDArray[np.float32],
@@ -121,7 +133,6 @@ class Lever:
         # corrections of a percent, in half the memory
         by = [by_depth, by_slope[..., 0, :, :], by_slope[..., 1, :, :]]
         self._by = np.concatenate([_planes(one) for one in by]).astype(np.float32)
-        self._level = np.zeros((2, *zero.shape))
 
     def _at(self, depth_mm: Float, q: Float) -> Float:
         """Sensitivity (rows, cols, 2, 2) at points at these depths that look at `q`."""
@@ -163,9 +174,9 @@ class Lever:
         """Variance (rows, cols, 2) of slope, rad^2, by `factor`; without depth and slope that at rest."""
         out = np.empty((*spread.shape[1:], 2))
         if depth_mm is None or slope is None:
-            depth_mm, slopes = self._level[0], self._level
-        else:
-            slopes = np.ascontiguousarray(np.moveaxis(slope, -1, 0))
+            _variance_at_rest(self._planes, spread, out)
+            return out
+        slopes = np.ascontiguousarray(np.moveaxis(slope, -1, 0))
         _variance(self._planes, self._by, depth_mm, slopes, spread, out)
         return out
 

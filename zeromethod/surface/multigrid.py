@@ -81,7 +81,7 @@ def _add(inverse: Any, length: Any, r: Any, x: Any) -> None:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _restrict(p: Any, r: Any, out: Any) -> None:
+def restrict(p: Any, r: Any, out: Any) -> None:
     """P^T r."""
     for i in range(1, out.shape[0] - 1):
         k = 2 * i - 1
@@ -94,7 +94,7 @@ def _restrict(p: Any, r: Any, out: Any) -> None:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _prolong(p: Any, x: Any, out: Any) -> None:
+def prolong(p: Any, x: Any, out: Any) -> None:
     """Add P x."""
     for i in range(1, x.shape[0] - 1):
         k = 2 * i - 1
@@ -108,7 +108,7 @@ def _prolong(p: Any, x: Any, out: Any) -> None:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _plane(flat: Any, size: Any, level: int, planes: int) -> Any:
+def plane(flat: Any, size: Any, level: int, planes: int) -> Any:
     """Planes of one lattice out of an array that holds those of all, one lattice after the other."""
     rows, cols = size[level, 0], size[level, 1]
     at = planes * size[level, 2]
@@ -121,15 +121,15 @@ def _cycle(size: Any, edges: Any, inverse: Any, p: Any, coarsest: Any, b: Any, x
     last = len(size) - 1
     first, second = np.float32(_STEPS[0]), np.float32(_STEPS[1])
     for level in range(last):
-        a, per = _plane(edges, size, level, 5), _plane(inverse, size, level, 1)[0]
-        given, found = _plane(b, size, level, 1)[0], _plane(x, size, level, 1)[0]
-        left = _plane(r, size, level, 1)[0]
+        a, per = plane(edges, size, level, 5), plane(inverse, size, level, 1)[0]
+        given, found = plane(b, size, level, 1)[0], plane(x, size, level, 1)[0]
+        left = plane(r, size, level, 1)[0]
         _begin(per, first, given, found)
         _left(a, level == 0, given, found, left)
         _add(per, second, left, found)
         _left(a, level == 0, given, found, left)
-        _restrict(_plane(p, size, level + 1, 8), left, _plane(b, size, level + 1, 1)[0])
-    given, found = _plane(b, size, last, 1)[0], _plane(x, size, last, 1)[0]
+        restrict(plane(p, size, level + 1, 8), left, plane(b, size, level + 1, 1)[0])
+    given, found = plane(b, size, last, 1)[0], plane(x, size, last, 1)[0]
     cols = given.shape[1] - 2
     for k in range(len(coarsest)):
         total = np.float32(0.0)
@@ -137,10 +137,10 @@ def _cycle(size: Any, edges: Any, inverse: Any, p: Any, coarsest: Any, b: Any, x
             total += coarsest[k, m] * given[1 + m // cols, 1 + m % cols]
         found[1 + k // cols, 1 + k % cols] = total
     for level in range(last - 1, -1, -1):
-        a, per = _plane(edges, size, level, 5), _plane(inverse, size, level, 1)[0]
-        given, found = _plane(b, size, level, 1)[0], _plane(x, size, level, 1)[0]
-        left = _plane(r, size, level, 1)[0]
-        _prolong(_plane(p, size, level + 1, 8), _plane(x, size, level + 1, 1)[0], found)
+        a, per = plane(edges, size, level, 5), plane(inverse, size, level, 1)[0]
+        given, found = plane(b, size, level, 1)[0], plane(x, size, level, 1)[0]
+        left = plane(r, size, level, 1)[0]
+        prolong(plane(p, size, level + 1, 8), plane(x, size, level + 1, 1)[0], found)
         _left(a, level == 0, given, found, left)
         _add(per, second, left, found)
         _left(a, level == 0, given, found, left)

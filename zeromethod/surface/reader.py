@@ -172,7 +172,7 @@ class SurfaceReader:
         variance = self._lever.variance(spread, reading.depth, reading.slope)
         state = bending, sigma_q, reading.depth, reading.slope
         noise = SlopeNoise(lambda: self._lever.factor(*state), variance, *self._overlap)
-        surface = self._surface(warp, reading, noise)
+        surface = self._surface(warp, reading, noise, previous is None)
         return self._with_cut_off(surface, reading, q, usable, variance)
 
     def follow(self, warp: Warp) -> Surface:
@@ -236,7 +236,8 @@ class SurfaceReader:
                 moved_on(depth, *steps, apart_ns / back_ns, ahead_ns / apart_ns)
         return Start(depth, nodes)
 
-    def _surface(self, warp: Warp, reading: Reading, noise: SlopeNoise) -> Surface:
+    def _surface(self, warp: Warp, reading: Reading, noise: SlopeNoise, alone: bool) -> Surface:
+        """alone: sigma is to be as exact as it can be, and not only after some readings."""
         island = self._integrator.island
         sigma_depth = np.full(island.shape, np.nan)
         anchor = Anchor("none", np.zeros(self._grid.shape, bool), 0.0)
@@ -244,7 +245,7 @@ class SurfaceReader:
         fit, curl, systematic = reading.fit, None, np.zeros((0, *island.shape))
         self.noise_mm = np.full(island.shape, np.nan)
         if fit is not None and self._drift is not None:
-            of_frame = self._noise.sigma(noise, x, y, fit.weights)
+            of_frame = self._noise.sigma(noise, x, y, fit.weights, alone)
             read = KnownReading(x, y, reading.depth, self._scale, of_frame, reading.slope, noise.variance)
             fit, systematic = self._drift.systematic(fit, read, noise)
             if warp.left is not None:

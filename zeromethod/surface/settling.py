@@ -22,9 +22,9 @@ _SETTLED_MM = 6e-8
 """Error of depth, by what the last pass left of the one before, below which it has settled."""
 _NEARLY_MM = 5e-7
 """The same by which the anchor is chosen, whose constant it changes by a twentieth of it."""
-_SOLVED = 3e-3
+_SOLVED = 1e-2
 """Error of a pass's solution, relative: the next pass finds what it leaves, and counts it as unsettled."""
-_LEAST_LEFT, _MOST_LEFT = 0.01, 0.05
+_LEAST_LEFT, _MOST_LEFT = 0.02, 0.05
 """Share of the error that a pass is taken to leave, at least, and while it is not known."""
 
 

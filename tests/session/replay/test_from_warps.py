@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 from recorded_run import recorded
 
-from zeromethod import InputError, Optics, Recording, SurfaceReader, peak
+from benchmarks.against_peers.open_loop import coarser
+from zeromethod import InputError, Optics, Recording, Session, SurfaceReader, load_rig, peak
 from zeromethod.recording import DamagedWarning
 from zeromethod.session.replay.differences import DepthDifferences
 from zeromethod.session.replay.from_warps import replay_from_warps
 from zeromethod.session.replay.settings import with_settings
 from zeromethod.session.replay.window import Window
+from zeromethod.session.uneven_rest import FRAMES
 from zeromethod.view.replay_table import differences_table
 
 KNOWN_REST = "surface.known_rest=[{x_mm=[8.0, 20.0], y_mm=[-18.0, 18.0]}]"
@@ -30,6 +32,18 @@ def test_unchanged_readings_are_the_recorded_ones_bit_for_bit(session, whole):
     assert again.depth.largest == again.peak.largest == 0.0
     # and these are what the run itself had, before anything was rounded
     assert again.replayed_mm == [peak.depth_mm for _, peak in session.readings.values()]
+
+
+def test_what_dirt_does_is_taken_off_again(tmp_path):
+    path = tmp_path / "dirt.h5"
+    rig = coarser(load_rig("simulated").replace({"simulation.nuisances.dust": 60}, scenario="none"), 8)
+    with Session(rig, record=path) as run:
+        list(run.run(frames=FRAMES + 8))
+        assert run._uneven._off is not None
+    with Recording(path) as opened:
+        again = replay_from_warps(opened, opened.rig, Window.of(opened))
+        assert again.steps > FRAMES
+        assert again.different == []
 
 
 def deeper_by(depth_mm: float, session, recording) -> tuple[int, DepthDifferences]:

@@ -151,7 +151,7 @@ def replay_from_frames(
         if inside:
             warps.add(row, taken, measured, parts.circle)
         if measured is not None and step in read:
-            surface, deepest = reader.read(measured)
+            surface, deepest = reader.read(step, measured)
             if inside:
                 depths.add(step, surface, deepest)
         if on_step is not None:

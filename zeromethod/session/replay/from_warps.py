@@ -11,6 +11,7 @@ from zeromethod.rig.model import Rig
 from zeromethod.session.reading import warm_up_warp
 from zeromethod.session.replay.differences import DepthDifferences
 from zeromethod.session.replay.window import Pace, Window
+from zeromethod.session.uneven_rest import UnevenRest
 from zeromethod.surface import Peak, Surface, SurfaceReader, peak
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.warp import Warp
@@ -32,13 +33,16 @@ class Reader:
 
     def __init__(self, recording: Recording, rig: Rig, grid: NodeGrid) -> None:
         """rig: with which it is read; grid: the nodes, with their rays."""
+        self._recording = recording
         self._reader = SurfaceReader(rig, Optics(rig), grid)
+        self._uneven = UnevenRest(recording.rest.q)
         if recording.live:
-            self.read(warm_up_warp(recording.rest))
+            self._reader.follow(warm_up_warp(recording.rest))
 
-    def read(self, warp: Warp) -> tuple[Surface, Peak]:
-        """Surface and its deepest point."""
-        surface = self._reader.follow(warp)
+    def read(self, step: int, warp: Warp) -> tuple[Surface, Peak]:
+        """Surface and its deepest point, of the warp of a step."""
+        state = self._recording.state_of(self._recording.row(step))
+        surface = self._reader.follow(self._uneven.levelled(warp, state, self._recording.zero(step)))
         return surface, peak(surface)
 
 
@@ -98,7 +102,7 @@ def replay_from_warps(
             break
         if warp.time_ns in window:
             pace.wait_for(warp.time_ns)
-        surface, deepest = reader.read(warp)
+        surface, deepest = reader.read(step, warp)
         if warp.time_ns in window:
             differences.add(step, surface, deepest)
         if on_step is not None:

@@ -1,0 +1,160 @@
+"""Fine surfaces of a run: the last frames kept, and read now and then."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections import deque
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, nullcontext
+from dataclasses import dataclass
+
+import numpy as np
+
+from zeromethod.arrays import Float
+from zeromethod.errors import InputError
+from zeromethod.fine.frames import FineFrame
+from zeromethod.fine.reader import FRAMES, FineReader
+from zeromethod.fine.surface import FineSurface
+from zeromethod.loop.events import Event
+from zeromethod.loop.state import NULLED, State
+from zeromethod.loop.step import Step
+from zeromethod.optics import Optics
+from zeromethod.rig.model import Rig
+from zeromethod.session.fine_figures import FineFigures, figures_of
+from zeromethod.session.surfaces import ReadingLost, SurfaceProcess
+from zeromethod.surface.comparison import TruthSource
+from zeromethod.warp.grid import NodeGrid
+from zeromethod.worker import SameThread, Worker
+
+EVERY_S = 0.4
+"""Time from one reading to the next at least: by then all frames are new at 60 per second."""
+STEP = 16
+"""Pictures per period of a moving target where the rig's stands still: at most 8 % of contrast is lost."""
+_OLDEST_S = 1.5
+_PATIENCE_S = 60.0
+_CLOSING_S = 0.4
+_BYTES_PER_NODE, _BYTES_PER_PIXEL = 260, 12
+"""Shared memory: warps and phases of a frame per node; per pixel of the surface, with its images."""
+_FOLLOWED = NULLED | {State.NULLING}
+
+
+def with_moving_target(rig: Rig) -> Rig:
+    """The rig with a target that moves, as fine surfaces need it. Raises InputError for one that cannot.
+
+    Without bursts when needed: the target stands while they are drawn, and pixels read most of what they
+    would.
+    """
+    if rig.target.kind != "cosines":
+        raise InputError(f"--fine: target.kind {rig.target.kind!r}: only cosines are read pixel by pixel")
+    target, control = rig.target, rig.control
+    if not target.step:
+        target = target.model_copy(update={"step": STEP})
+    if control.burst == "when-needed":
+        control = control.model_copy(update={"burst": "never"})
+    return rig.model_copy(update={"target": target, "control": control})
+
+
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    frames: tuple[FineFrame, ...]
+    phase: str
+
+
+class FineReadings:
+    """Keeps the last frames of a run and reads them: at once, or live in a process of its own.
+
+    Live, a reading that waits is replaced by a newer one; the loop never waits.
+    """
+
+    def __init__(self, rig: Rig, optics: Optics, grid: NodeGrid, truth: TruthSource | None) -> None:
+        self._rig, self._optics, self._grid, self._truth = rig, optics, grid, truth
+        self._frames: deque[FineFrame] = deque(maxlen=FRAMES)
+        self._zero: Float | None = None
+        self._asked_ns: int | None = None
+        self._own: FineReader | None = None
+        self._process: SurfaceProcess | None = None
+        self._worker: (
+            Worker[_Asked, tuple[FineSurface, FineFigures]]
+            | SameThread[_Asked, tuple[FineSurface, FineFigures]]
+        )
+        self._worker = SameThread(lambda: nullcontext(self._serve))
+        self._lost = ""
+
+    @contextlib.contextmanager
+    def in_own_process(self) -> Iterator[None]:
+        """Within this context, read in a process of its own."""
+        rows, cols = self._grid.image_shape
+        size = FRAMES * (rows * cols * (1 + (self._rig.camera.bits > 8)))
+        size += FRAMES * _BYTES_PER_NODE * math.prod(self._grid.shape) + 4 * _BYTES_PER_PIXEL * rows * cols
+        with ExitStack() as stack:
+            module = "zeromethod.session.fine_process"
+            self._process = SurfaceProcess(self._rig, self._grid, module, size, _PATIENCE_S)
+            stack.callback(self._process.close)
+            self._worker = Worker("read fine surface", lambda: nullcontext(self._serve), kept=1)
+            stack.callback(lambda: self._worker.close(_CLOSING_S))
+            yield
+
+    def add(self, step: Step) -> None:
+        """Keep a step's frame, and have the last ones read when it is time. Raises what a reading raised."""
+        frame = frame_of(step)
+        if step.zero is not self._zero:
+            self._zero = step.zero
+            self._frames.clear()
+        if frame is None:
+            return
+        self._frames.append(frame)
+        oldest_ns = step.time_ns - round(1e9 * _OLDEST_S)
+        while self._frames[0].measured.time_ns < oldest_ns:
+            self._frames.popleft()
+        waited = self._asked_ns is None or step.time_ns - self._asked_ns >= 1e9 * EVERY_S
+        if waited and len(self._frames) == FRAMES and step.state in _FOLLOWED:
+            self._asked_ns = step.time_ns
+            self._worker.post(_Asked(tuple(self._frames), step.phase))
+
+    def collect(self) -> list[tuple[FineSurface, FineFigures]]:
+        """Surfaces read since the last call, with their figures; raises what a reading raised."""
+        try:
+            return self._worker.take()
+        except ReadingLost as why:
+            self._lost = str(why)
+            return []
+
+    def notes(self) -> tuple[str, ...]:
+        """News for the operator, each once; to be called in every step."""
+        if self._process is not None:
+            self._process.give_up_if_late()
+        lost, self._lost = self._lost, ""
+        return (
+            (f"the process that reads fine surfaces is lost ({lost}): there are none any more",)
+            if lost
+            else ()
+        )
+
+    def _serve(self, asked: _Asked) -> tuple[FineSurface, FineFigures] | None:
+        try:
+            surface = self._read(asked.frames)
+        except InputError:  # phases that do not determine the pixels: the target stood, as a picture was kept
+            return None
+        return surface, figures_of(surface, asked.phase, self._truth)
+
+    def _read(self, frames: Sequence[FineFrame]) -> FineSurface:
+        if self._process is not None:
+            surface: FineSurface = self._process.ask(frames)
+            return surface
+        self._own = self._own or FineReader(self._rig, self._optics, self._grid)
+        return self._own.read(frames)
+
+
+def frame_of(step: Step) -> FineFrame | None:
+    """A step's frame for the fine reading; None where it has none, or something else was drawn over it."""
+    if step.image is None or step.residual is None or step.shown is None or step.measured is None:
+        return None
+    if Event.BURST in step.events:
+        return None
+    if step.target is None:
+        still = np.zeros(step.residual.d.shape)
+        phases = still, still + 1.0, still
+    else:
+        phases = step.target.node_rad, step.target.node_contrast, step.target.node_late_rad_per_s
+    return FineFrame(step.image, *phases, step.shown.q, step.measured, step.residual.d)

@@ -1,0 +1,147 @@
+"""Samples of depth's variance: exact at some nodes of one reading, and the map through them."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from zeromethod.arrays import Float, Ints, Mask
+from zeromethod.surface.integrate import LinearIntegration
+from zeromethod.surface.node_variance import NodeVariance
+from zeromethod.surface.rough_variance import log_rough_variance
+from zeromethod.surface.thin_plate import thin_plate
+from zeromethod.warp.continuation import continue_smoothly
+
+_SAMPLES_PER_AXIS = 13
+_COARSE = 3
+_AROUND = np.array([-6, -3, -1, 0, 1, 3, 6])
+_BLURS, _OFF_BORDER = ((3, 3), (15, 15)), 3
+_RINGS, _ON_RING = 2, 16
+"""Rings around holes, and samples on each."""
+AT_FIRST, AT_A_TIME = 25, 12
+"""Samples that are worked out at once, and in every reading after that, where a few at a time will do."""
+_LEAST_SAMPLE = 1e-6
+"""Variance of a sample over the largest, at least."""
+
+
+class Samples:
+    """Exact variances at some nodes of one reading, those at which to begin first, and the map through them.
+
+    Nodes next to a hole are apart: their noise is much their own, and says nothing of those around. Of each
+    ring around holes a few say by how much the map is off there.
+    """
+
+    def __init__(
+        self,
+        linear: LinearIntegration,
+        factor: Float,
+        correlation: Float,
+        power: Float,
+        anchor: Float,
+        grown: Float | float = 1.0,
+    ) -> None:
+        """factor, correlation: of `SlopeNoise`; power: (rows, cols) sum of both slopes' variances.
+
+        anchor: weights (rows, cols) of the mean that is taken as 0. grown: depth's variance over that by the
+        noise that the integration's weights are for, about.
+        """
+        island = linear.island
+        self._exact = NodeVariance(linear, factor, correlation, anchor)
+        rough = log_rough_variance(linear.solution, np.where(island, anchor, 0.0)) + np.log(grown)
+        # nodes of holes may come back while the samples are kept
+        self._rough = continue_smoothly(np.stack([rough, rough], axis=-1), island)[..., 0]
+        self._rings = _rings(island)
+        inside = island & ~np.any(self._rings, axis=0)
+        inside = inside if inside.any() else island
+        spread = sample_nodes(inside, _at_narrowest(power, inside))
+        # in no even steps, as a row may cross a ring twice
+        on_rings = [
+            on[np.unique(np.linspace(0, len(on) - 1, min(_ON_RING, len(on))).astype(np.intp))]
+            for on in map(np.flatnonzero, self._rings)
+        ]
+        self.nodes = np.concatenate([spread, *on_rings])
+        self._ends = len(spread) + np.cumsum([0, *map(len, on_rings)])
+        self._found = np.zeros(len(self.nodes))
+        self.taken = 0
+
+    def take(self, most: int | None) -> None:
+        """Work out at most so many more; None: all."""
+        end = len(self.nodes) if most is None else min(self.taken + most, len(self.nodes))
+        self._found[self.taken : end] = self._exact.of(self.nodes[self.taken : end])
+        self.taken = end
+
+    def variance(self) -> Float:
+        """Map (rows, cols) of depth / h, mm^2, by the samples so far."""
+        found = self._found[: self.taken]
+        # nodes whose own depth is the anchor have none
+        over = np.log(np.maximum(found, _LEAST_SAMPLE * found.max(initial=1e-30)))
+        over -= self._rough.ravel()[self.nodes[: self.taken]]
+        first = min(self.taken, self._ends[0])
+        out = self._rough + thin_plate(self.nodes[:first], over[:first], *self._rough.shape)
+        for ring, start, end in zip(self._rings, self._ends[:-1], self._ends[1:], strict=True):
+            if start < end <= self.taken:
+                at = self.nodes[start:end]
+                off = over[start:end] + self._rough.ravel()[at] - out.ravel()[at]
+                out[ring] += _nearby(
+                    np.argwhere(ring), np.stack(np.unravel_index(at, ring.shape), axis=-1), off
+                )
+        return np.asarray(np.exp(out))
+
+
+def _nearby(places: Ints, known: Ints, values: Float) -> Float:
+    """Means (n,) of values (m,), of known places (m, 2), by the inverse squared distance of places (n, 2)."""
+    weights = 1.0 / (np.square(places[:, None] - known[None]).sum(axis=-1) + 1.0)
+    return np.asarray((weights * values).sum(axis=1) / weights.sum(axis=1))
+
+
+def _rings(island: Mask) -> list[Mask]:
+    """Nodes next to a hole of the island, those next to them, and so on, each (rows, cols)."""
+    rings, before = [], ~island
+    for _ in range(_RINGS):
+        wider = ndimage.binary_dilation(before, np.ones((3, 3), bool))
+        rings.append(wider & ~before)
+        before = wider
+    return rings
+
+
+def _at_narrowest(power: Float, island: Mask) -> NDArray[np.intp]:
+    """Flat numbers of nodes where noise is most above that around: a narrow dent's bends do that."""
+    known = island.astype(np.float64)
+    near, wide = (
+        cv2.blur(np.where(island, power, 0.0), size) / np.maximum(cv2.blur(known, size), 1e-9)
+        for size in _BLURS
+    )
+    inside = ndimage.binary_erosion(island, iterations=_OFF_BORDER)
+    excess = np.where(inside, near / np.maximum(wide, 1e-300), 0.0)
+    row, col = np.unravel_index(int(np.argmax(excess)), island.shape)
+    rows, cols = (
+        (at + _AROUND)[(at + _AROUND >= 0) & (at + _AROUND < n)]
+        for at, n in zip((row, col), island.shape, strict=True)
+    )
+    chosen = np.zeros(island.shape, bool)
+    chosen[np.ix_(rows, cols)] = True
+    return np.flatnonzero(chosen & island)
+
+
+def sample_nodes(island: Mask, narrow: NDArray[np.intp]) -> Ints:
+    """Flat numbers of the `narrow` ones and of island nodes on Chebyshev's points of both axes.
+
+    Those of every third along both axes come first; with others, evenly, where hardly any are on the island.
+    """
+    chosen = np.zeros(island.shape, int)
+    along = 0.5 * (1.0 - np.cos(np.linspace(0.0, np.pi, _SAMPLES_PER_AXIS)))
+    places = []
+    for axis in (1, 0):
+        there = np.flatnonzero(island.any(axis=axis))
+        places.append(np.rint(there[0] + (there[-1] - there[0]) * along).astype(np.intp))
+    chosen.ravel()[narrow] = 1
+    chosen[np.ix_(*places)] = 1
+    chosen[np.ix_(*(one[::_COARSE] for one in places))] = 2
+    first, others = (np.flatnonzero((chosen == value) & island) for value in (2, 1))
+    if len(first) < AT_FIRST // 2:
+        on = np.flatnonzero(island)
+        first = np.union1d(first, on[:: max(len(on) // AT_FIRST, 1)])
+        others = np.setdiff1d(others, first)
+    return np.concatenate([first, others]).astype(np.int64)
