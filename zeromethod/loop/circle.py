@@ -84,7 +84,7 @@ class FrameResult:
     changed: there is a new command. refusal: why it brought none. observation, residual and measured are None
     where the frame could not be paired or is dark. residual_rms_px: rms length of the residual over valid
     nodes. valid_share, covered_share: those valid, and those without light, of the nodes visible at rest.
-    order: whether it is known which period of the carrier is seen, is being found, or could not be. coded: the
+    order: whether it is known which period of the carrier is seen, is being found, or cannot be. coded: the
     frame may have seen coded pictures in places. unread: nodes that no burst has read wait for one, or one
     is under way for them.
     """
