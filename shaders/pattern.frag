@@ -28,7 +28,14 @@ uniform int coded_parts;         // parts of the LCD over which fringes are draw
 uniform vec4 parts[MOST_PARTS];  // left, top, right, bottom, LCD px
 uniform vec3 fringes;            // 0 along columns, 1 along rows; period, LCD px; shift
 
+#if CARRY
+uniform highp sampler2D kept_before;     // of the picture before: code; light wanted; light owed
+uniform highp sampler2D light_of_codes;  // of whole grey codes
+
+layout(location = 0) out vec4 kept;
+#else
 layout(location = 0) out vec4 grey;
+#endif
 
 const float TAU = 6.283185307179586;
 
@@ -108,12 +115,26 @@ bool in_parts(vec2 here) {
     return false;
 }
 
-void show(float light, vec2 here) {
 #if REGIONS
-    light = pow(max(light, 0.0), 1.0 / exponent(here));
+float code_nearest(float light, vec2 here) { return floor(code(pow(max(light, 0.0), 1.0 / exponent(here))) + 0.5); }
+#else
+float code_nearest(float light, vec2 here) { return floor(code(light) + 0.5); }
 #endif
-    grey = vec4(vec3(floor(code(light) + 0.5) / 255.0), 1.0);
+
+#if CARRY
+void show(float light, vec2 here) {
+    vec2 before = texelFetch(kept_before, ivec2(gl_FragCoord.xy), 0).yz;
+    float wanted = abs(light - before.x) > FORGET_ABOVE ? light : light + before.y;
+    float whole = code_nearest(wanted, here);
+    float given = texelFetch(light_of_codes, ivec2(int(whole), 0), 0).r;
+#if REGIONS
+    given = pow(given, exponent(here));
+#endif
+    kept = vec4(whole, light, clamp(wanted - given, -MOST_OWED, MOST_OWED), 1.0);
 }
+#else
+void show(float light, vec2 here) { grey = vec4(vec3(code_nearest(light, here) / 255.0), 1.0); }
+#endif
 
 void main() {
     vec2 here = vec2(gl_FragCoord.x, display_px.y - gl_FragCoord.y) - 0.5;

@@ -16,13 +16,20 @@ REFRESH_S, EXPOSURE_S = 1 / 60, 0.008
 STEP = 16
 
 
-def seen(mid_s: float, kind: str = "cosines", scan: str = "down", late_s: float = 0.0, **how) -> Observation:
+def seen(
+    mid_s: float,
+    kind: str = "cosines",
+    scan: str = "down",
+    late_s: float = 0.0,
+    blur: tuple[float, float] = (0.0, 0.0),
+    **how,
+) -> Observation:
     log = PresentationLog(REST.q.shape[:2])
     for number in range(40):
         log.record(round(1e9 * number * REFRESH_S), REST.q, None, None, shift_of(STEP, number))
     timing = PanelTiming.of(panel(scan=scan, latency_s=0.002 + late_s, **how))
     frame = Frame(np.zeros((1, 1)), round(1e9 * mid_s), round(1e9 * EXPOSURE_S), 0)
-    found = pair(log, frame, timing, REST.q, REST.grid, kind)
+    found = pair(log, frame, timing, REST.q, REST.grid, kind, blur)
     assert found is not None
     return found
 
@@ -90,3 +97,27 @@ def test_a_target_that_stands_has_none():
     log.record(0, REST.q)
     frame = Frame(np.zeros((1, 1)), 10**9, round(1e9 * EXPOSURE_S), 0)
     assert pair(log, frame, PanelTiming.of(panel()), REST.q, REST.grid, "cosines").target is None
+
+
+def test_blur_displaces_a_carrier_whose_contrast_changes_along_it():
+    """Rows of the camera look at rows of the LCD 0.84 apart; a lens of 0.7 px, summed over pixels."""
+    sharp = seen(0.1130).target
+    v = np.arange(-40.0, 40.0, 0.05)
+    kernel = np.exp(-0.5 * (np.arange(-4, 4.01, 0.05) / 0.7) ** 2)
+
+    def carrier(rows: np.ndarray) -> np.ndarray:
+        rad, contrast, _ = sharp.at(rows)
+        return contrast * np.exp(1j * rad)
+
+    rows = np.linspace(60.0, 340.0, 8)
+    moved = []
+    for row in rows:
+        wave = np.exp(2j * np.pi * v / 16) * carrier(row + 0.84 * v)[:, 1]
+        blurred = np.convolve(wave, kernel / kernel.sum(), mode="same")[len(v) // 2]
+        moved.append(np.angle(blurred / carrier(np.array([row]))[0, 1]))
+    for blur in ((0.49, 0.0), (0.0, 0.49 * 0.84**2)):  # camera px^2, LCD px^2
+        by = seen(0.1130, blur=blur).target.at(rows)[0] - sharp.at(rows)[0]
+        # second order in the blur is left out
+        np.testing.assert_allclose(by[:, 1], moved, rtol=0.1, atol=0.05 * np.abs(moved).max())
+        np.testing.assert_allclose(by[:, 0], 0.0, atol=1e-9)  # along u nothing changes
+    assert np.abs(moved).max() > 1e-4

@@ -22,16 +22,22 @@ class Unpaired(enum.Enum):
 class Exposures:
     """Keeps the presentation log and the panel's timing, and pairs frames with what they saw.
 
-    delay: reads from coded strips when pictures were lit; None without strips, and `timing` holds.
+    delay: reads from coded strips when pictures were lit; None without strips, and `timing` holds. blur: of
+    the light, as `exposure.target_phase.Sight.of` takes it.
     """
 
     def __init__(
-        self, grid: NodeGrid, timing: PanelTiming, target_kind: str, delay: DelayWatch | None = None
+        self,
+        grid: NodeGrid,
+        timing: PanelTiming,
+        target_kind: str,
+        delay: DelayWatch | None = None,
+        blur: tuple[float, float] = (0.0, 0.0),
     ) -> None:
         self.timing = timing
         self.delay = delay
         self._grid = grid
-        self._kind = target_kind
+        self._kind, self._blur = target_kind, blur
         self.log = PresentationLog(grid.shape)
         """Every picture given to the panel is recorded here."""
 
@@ -46,5 +52,5 @@ class Exposures:
             self.timing = self.delay.timing
         if timing is None:
             return Unpaired.CONTRADICTED
-        observation = pair(self.log, frame, timing, known_q, self._grid, self._kind)
+        observation = pair(self.log, frame, timing, known_q, self._grid, self._kind, self._blur)
         return Unpaired.NOT_LIT if observation is None else observation

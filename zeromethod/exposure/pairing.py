@@ -24,7 +24,7 @@ from zeromethod.arrays import Float, Ints
 from zeromethod.devices.protocols import Frame
 from zeromethod.exposure.mixture import Mixture, mixture
 from zeromethod.exposure.presentation_log import PresentationLog
-from zeromethod.exposure.target_phase import TargetPhase, carrier_turns
+from zeromethod.exposure.target_phase import Sight, TargetPhase, carrier_turns
 from zeromethod.rig.model import DisplaySpec
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.warp import Role, Warp
@@ -188,13 +188,19 @@ def _mix(
 
 
 def pair(
-    log: PresentationLog, frame: Frame, timing: PanelTiming, look_q: Float, grid: NodeGrid, kind: str
+    log: PresentationLog,
+    frame: Frame,
+    timing: PanelTiming,
+    look_q: Float,
+    grid: NodeGrid,
+    kind: str,
+    blur: tuple[float, float] = (0.0, 0.0),
 ) -> Observation | None:
     """Observation of one frame; None when no picture of the log was fully lit before its exposure.
 
     look_q: (rows, cols, 2) where the nodes look on the panel, LCD px, to some tens of rows: the latest
-    estimate. kind: the target's. Where only one picture was lit its warp is returned as logged (a view): the
-    usual case while the pattern does not change.
+    estimate. kind: the target's. blur: as `Sight.of` takes it. Where only one picture was lit its warp is
+    returned as logged (a view): the usual case while the pattern does not change.
     """
     times = log.times_ns()
     if not len(times):
@@ -223,8 +229,8 @@ def pair(
         if not turns.any():
             return None
         late = late_weights_per_s(times[first:stop], not alone, frame, timing)[kept]
-        panel = timing.rows, timing.upwards
-        return TargetPhase.of(turns, diagonal, weights, late, panel, shown_q[..., 1])
+        sight = Sight.of(shown_q, grid.period_px, diagonal, (timing.rows, timing.upwards), blur)
+        return TargetPhase.of(turns, diagonal, weights, late, sight, shown_q[..., 1])
 
     if len(kept) == 1:
         shown = Warp.drawn(log.warp(int(index[0])), Role.SHOWN, frame.time_ns)

@@ -5,24 +5,65 @@ pictures were drawn with one warp a carrier is seen as
 
     exp(i k x) Z,  Z = sum_k w_k exp(2 pi i s_k),
 
-w_k the share of picture k in the light of the panel's row. arg Z is the target's phase in that frame, |Z| the
-share of its contrast that is left. If all was lit later than assumed by L, the panel's and the camera's
-clocks being apart, w_k changes by L dw_k / dL, and with it the phase: a fit of many frames can solve for one
-L each.
+w_k the share of picture k in the light of the panel's row n. arg Z is the target's phase in that frame, |Z|
+the share of its contrast that is left. If all was lit later than assumed by L, w_k changes by L dw_k / dL,
+and with it the phase: a fit of many frames can solve for one L each.
+
+Blur (lens, pixel, lit apertures) of variance s^2 mixes rows whose shares differ, and a carrier whose contrast
+changes on its way is displaced by it: it is seen as Z + i s^2 (k . grad n) dZ/dn.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numba
 import numpy as np
+from numpy.typing import NDArray
 
 from zeromethod.arrays import Float
 
+Complex = NDArray[np.complex128]
+
 LEAST_CONTRAST = 1e-3
 """Contrast below which the phase means nothing; of pictures half a period apart alone."""
+
+
+class Sight(NamedTuple):
+    """How the camera sees the panel's rows, in the middle of the view.
+
+    rows: of the panel. upwards: it is scanned from its last row on. window_rows: over which half of a node's
+    sensing window reaches. blur_rows: (2,) s^2 (k . grad n) of the two carriers.
+    """
+
+    rows: int
+    upwards: bool
+    window_rows: float
+    blur_rows: Float
+
+    @classmethod
+    def of(
+        cls, q: Float, period_px: int, diagonal: bool, panel: tuple[int, bool], blur: tuple[float, float]
+    ) -> Sight:
+        """Sight by a warp.
+
+        q: (rows, cols, 2) LCD px at nodes half a period apart. diagonal: the carriers are. panel: its rows,
+        and whether it is scanned upwards. blur: variances, of lens and pixel in camera px^2 and of the lit
+        apertures along the LCD's columns in LCD px^2.
+        """
+        j, i = q.shape[0] // 2, q.shape[1] // 2
+        along_u, along_v = (
+            np.median(q[:, i + 1] - q[:, i - 1], axis=0),
+            np.median(q[j + 1] - q[j - 1], axis=0),
+        )
+        slope = np.stack([along_u, along_v], axis=-1) / period_px  # d(column, row) / d(u, v)
+        of_row = np.linalg.inv(slope)[:, 1] if np.linalg.det(slope) else np.zeros(2)
+        spread = blur[0] * slope[1] + blur[1] * of_row
+        axes = np.array([[1.0, 1.0], [1.0, -1.0]]) if diagonal else np.eye(2)
+        window_rows = float(np.hypot(*slope[1])) * period_px
+        return cls(*panel, window_rows, 2 * np.pi / period_px * axes @ spread)
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +75,7 @@ class TargetPhase:
     contrast: (n, 2) share of the carrier's amplitude that is left, 0..1. late_rad_per_s: (n, 2) change of
     `rad` per second by which all was lit later than assumed. rows: of the panel. upwards: it is scanned from
     its last row on. diagonal: whether it is a checker's. node_rad, node_contrast, node_late_rad_per_s: (rows,
-    cols, 2) the same where each node looks on the shown warp.
+    cols, 2) the same where each node looks on the shown warp, in the mean over the sensing window.
     """
 
     rad: Float
@@ -54,22 +95,24 @@ class TargetPhase:
         diagonal: bool,
         weights: Float,
         late_per_s: Float,
-        panel: tuple[int, bool],
+        sight: Sight,
         node_rows: Float,
     ) -> TargetPhase:
         """Phase by the pictures lit.
 
         turns: (k, 2) rad, each picture's phase along the two carriers, which are diagonal or not. weights,
-        late_per_s: (k, n) share of each, and its change per second of lateness. panel: its rows, and whether
-        it is scanned upwards. node_rows: (rows, cols) LCD rows at which the nodes look.
+        late_per_s: (k, n) share of each, and its change per second of lateness. node_rows: (rows, cols) LCD
+        rows at which the nodes look.
         """
         phasors = np.exp(1j * turns)
         total, change = weights.T @ phasors, late_per_s.T @ phasors
-        contrast = np.maximum(np.abs(total), LEAST_CONTRAST)
-        rad = np.unwrap(np.angle(total), axis=0)
-        late = (change * total.conj()).imag / contrast**2
-        at_nodes = _at(np.stack([rad, contrast, late]), node_rows, *panel)
-        return cls(rad, contrast, late, *panel, diagonal, at_nodes[0], at_nodes[1], at_nodes[2])
+        panel, per_row = (sight.rows, sight.upwards), (len(total) - 1) / (sight.rows - 1)
+        blur = 1j * sight.blur_rows * (-per_row if sight.upwards else per_row)
+        total, change = (one + blur * np.gradient(one, axis=0) for one in (total, change))
+        window = _window(sight.window_rows * per_row)
+        of_nodes = _polar(*(_averaged(one, window) for one in (total, change)))
+        at_nodes = _at(np.stack(of_nodes), node_rows, *panel)
+        return cls(*_polar(total, change), *panel, diagonal, at_nodes[0], at_nodes[1], at_nodes[2])
 
     def node_px(self, period_px: float) -> Float:
         """(rows, cols, 2) camera px: the phase at the nodes as a displacement along u and v."""
@@ -86,6 +129,29 @@ class TargetPhase:
         found = _at(table, rows.reshape(1, -1), self.rows, self.upwards)
         rad, contrast, late = found.reshape(3, *np.shape(panel_rows), 2)
         return rad, contrast, late
+
+
+def _polar(total: Complex, change: Complex) -> tuple[Float, Float, Float]:
+    """(rad, contrast, late_rad_per_s) of (n, 2) phasors and their change per second of lateness."""
+    contrast = np.maximum(np.abs(total), LEAST_CONTRAST)
+    return np.unwrap(np.angle(total), axis=0), contrast, (change * total.conj()).imag / contrast**2
+
+
+def _window(reach: float) -> Float:
+    """Weights of the sensing window, a triangle that reaches so many rows of a table to either side."""
+    # of that variance when sampled at whole rows
+    sampled = math.hypot(reach, 1.0)
+    rows = np.arange(-math.floor(sampled), math.floor(sampled) + 1)
+    weights = sampled - np.abs(rows)
+    return np.asarray(weights / weights.sum())
+
+
+def _averaged(phasors: Complex, window: Float) -> Complex:
+    """(n, 2) averaged over a window of rows; beyond the panel as in its last row."""
+    half = len(window) // 2
+    padded = np.pad(phasors, ((half, half), (0, 0)), mode="edge")
+    averaged: Complex = np.lib.stride_tricks.sliding_window_view(padded, len(window), axis=0) @ window
+    return averaged
 
 
 def _at(table: Float, panel_rows: Float, rows: int, upwards: bool) -> Float:

@@ -67,7 +67,8 @@ def make_circle(
         if strips is not None:
             reader = StripReader(strips, rest.grid.image_shape, rig.camera.noise, rig.camera.bits)
             watch = DelayWatch(reader, timing, rig.display.refresh_hz)
-        exposures = Exposures(rest.grid, timing, rig.target.kind, watch)
+        spread = rig.camera.psf_px**2 + 1 / 12, rig.display.fill_factor[1] ** 2 / 12
+        exposures = Exposures(rest.grid, timing, rig.target.kind, watch, spread)
         controller = controller_of(rig.control, rest)
         black_grey = rig.camera.noise.black_grey
         blur = PanelBlur(rig, rest.grid)

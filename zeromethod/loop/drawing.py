@@ -117,7 +117,9 @@ class Drawer:
                 collect(self._context)
             response, rest = Response.from_rig(self._rig.display), self._rest
             lattice = rest.grid, rest.q, rest.display_size
-            renderer = PatternRenderer(self._context, *lattice, target, response, self._strips)
+            renderer = PatternRenderer(
+                self._context, *lattice, target, response, self._strips, self._rig.target.carry
+            )
             self._renderers[target] = renderer
         return self._renderers[target]
 

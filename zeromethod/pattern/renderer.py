@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from zeromethod.arrays import Bytes, Float, Mask
 from zeromethod.gl import float_texture, program, set_uniforms
 from zeromethod.pattern.coded import MOST_PARTS, Coded
+from zeromethod.pattern.light_carry import FORGET_ABOVE, MOST_OWED, LightCarry
 from zeromethod.pattern.response import TABLE_SIZE, Response
 from zeromethod.pattern.strips import BITS, Strips, bits_of
 from zeromethod.pattern.target import Target
@@ -25,7 +26,7 @@ NEWTON_STEPS = 2
 """Steps from the linear mesh to the interpolant: at 40 LCD px over sigma 32 px, one leaves 0.05 camera px."""
 
 _KINDS = ("cosines", "checker", "lattice", "noise")
-_NODES, _PLACES, _CODES, _NOISE, _EXPONENTS, _LAMP = range(6)  # texture units
+_NODES, _PLACES, _CODES, _NOISE, _EXPONENTS, _LAMP, _KEPT, _LIGHT = range(8)  # texture units
 
 
 def _triangles(columns: int, rows: int, turned: bool) -> NDArray[np.int32]:
@@ -62,6 +63,7 @@ class PatternRenderer:
 
     grid, q_rest: node lattice and warp at rest, (rows, cols, 2) LCD px. size: (columns, rows) of the LCD.
     strips: where coded strips go; they are drawn in pictures that are given a code, over the target.
+    carry: each LCD pixel shows in its next picture the light that rounding left out (`pattern.light_carry`).
     All objects live in `ctx`, which must be current in every call.
 
     Convention: LCD row 0 is the picture's top line, so GL's *last* framebuffer row.
@@ -76,10 +78,12 @@ class PatternRenderer:
         target: Target,
         response: Response,
         strips: Strips | None = None,
+        carry: bool = False,
     ) -> None:
         self._ctx = ctx
         self._size = size
-        self._mean = response.code(target.mean) / 255
+        mean = response.code(target.mean)
+        self._mean = mean / 255, target.mean
         rows, cols = grid.shape
         facing = float(np.sign(np.nanmedian(np.linalg.det(jacobian(q_rest, grid.spacing_px)))))
         mesh = program(ctx, "pattern_mesh.vert", "pattern_mesh.frag")
@@ -98,6 +102,9 @@ class PatternRenderer:
             "CODES": TABLE_SIZE,
             "REGIONS": int(response.exponent is not None),
             "MOST_PARTS": MOST_PARTS,
+            "CARRY": int(carry),
+            "FORGET_ABOVE": FORGET_ABOVE,
+            "MOST_OWED": MOST_OWED,
         }
         self._plain = program(ctx, "pattern.vert", "pattern.frag", STRIPS=0, **constants)
         self._coded = self._plain
@@ -109,6 +116,7 @@ class PatternRenderer:
             set_uniforms(self._coded, {"strip_edges": (one.edge_px, two.edge_px), "strip_places": places})
         units = {"nodes": _NODES, "places": _PLACES, "codes": _CODES}
         units |= {"texture_of_noise": _NOISE, "exponents": _EXPONENTS, "lamp": _LAMP}
+        units |= {"kept_before": _KEPT, "light_of_codes": _LIGHT}
         first_px = grid.u_px[0], grid.v_px[0]
         for box in (self._plain, self._coded):
             set_uniforms(box, units | {"display_px": size, "first_px": first_px, "facing": facing})
@@ -125,6 +133,7 @@ class PatternRenderer:
         if response.exponent is not None:
             self._textures[_EXPONENTS] = float_texture(ctx, np.array(response.exponent))
         self._places = ctx.framebuffer([self._textures[_PLACES]])
+        self._carry = LightCarry(ctx, size, response, (_KEPT, _LIGHT)) if carry else None
         self._own: moderngl.Framebuffer | None = None
         self._lamp: Mask | None = None
 
@@ -159,9 +168,13 @@ class PatternRenderer:
         self._ctx.enable_only(moderngl.CULL_FACE)
         self._mesh.render(moderngl.TRIANGLES)
         self._ctx.enable_only(moderngl.NOTHING)
-        framebuffer.use()
-        framebuffer.viewport = (0, 0, *self._size)
-        framebuffer.clear(self._mean, self._mean, self._mean, 1.0)
+        shown, light = self._mean
+        if self._carry is None:
+            framebuffer.use()
+            framebuffer.viewport = (0, 0, *self._size)
+            framebuffer.clear(shown, shown, shown, 1.0)
+        else:
+            self._carry.begin(255 * shown, light)
         bounds = self._clip_bounds()
         if bounds is not None:
             box = self._plain if code is None else self._coded
@@ -170,6 +183,10 @@ class PatternRenderer:
             set_uniforms(box, {"moved": (shift[0] % 1.0, shift[1] % 1.0)})
             set_uniforms(box, _fringes(coded))
             self._rectangles[box].render(moderngl.TRIANGLE_STRIP, vertices=4)
+        if self._carry is not None:
+            framebuffer.use()
+            framebuffer.viewport = (0, 0, *self._size)
+            self._carry.show()
 
     def _clip_bounds(self) -> tuple[float, float, float, float] | None:
         """Left, bottom, right, top of all nodes in clip space; None when no node has a warp."""

@@ -191,7 +191,8 @@ class TargetSpec(Table):
 
     Light = mean +- contrast x mean; the period is even and a node lies every half period. `step`: the target
     moves from drawn picture to drawn picture by 1 / step of a period along u and 2 / step along v, a period
-    (two) there and back; 0: it stands still.
+    (two) there and back; 0: it stands still. `carry`: each LCD pixel shows in its next picture the light that
+    rounding to whole codes left out.
     """
 
     kind: Literal["cosines", "checker", "lattice", "noise"] = "cosines"
@@ -199,6 +200,7 @@ class TargetSpec(Table):
     mean: Annotated[float, Field(gt=0, lt=1)] = 0.5
     contrast: Annotated[float, Field(gt=0, le=1)] = 0.9
     step: Annotated[int, Field(ge=0, le=64)] = 0
+    carry: bool = False
 
     @model_validator(mode="after")
     def _displayable(self) -> TargetSpec:
