@@ -3,7 +3,7 @@
 Random presses as hands make them on the packaged bench with four times larger pixels, there from the first
 frame or from one to the next; the same under a knock, which throws the whole mirror by periods of the carrier
 for some frames; and, at full size, mirrors displaced as a whole by up to four periods, where phase alone
-cannot tell one period from another. Sixty frames, one second, each.
+cannot distinguish one period from another. Sixty frames, one second, each.
 
 A run has acquired when it is nulled and stays so; one that cannot be nulled must not be called good. Orders
 are counted node by node in every frame called good, against exact rays: a node a quarter of a period from

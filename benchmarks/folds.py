@@ -1,7 +1,7 @@
 """Steep presses that no picture can null: what a burst of coded pictures reads there, against exact rays.
 
 Gaussians of sigma 0.8 to 2 mm, so deep that the carrier is too fine for the LCD or the mirror folds, from one
-frame to the next, anywhere in the middle half of the camera's view; 1.5 s each. Every pixel that a burst told
+frame to the next, anywhere in the middle half of the camera's view; 1.5 s each. Every pixel that a burst read
 is held against where it truly looks: a wrong order is 3 LCD px off and more. Nodes and the peak of the last
 frame are held against their sigma, and the residual of all other nodes against that before the press.
 """
@@ -50,15 +50,15 @@ SEED = 17
 class Outcome:
     """What came of a press.
 
-    wrong, told: pixels at a wrong order, and all that were told. beyond, nodes: coordinates of the last frame
-    off by more than 3 sigma, and all valid. peak_percent, peak_sigmas: error of the last peak. residual: of
-    other nodes during the burst over that before; NaN without one. locked: at the end.
+    wrong, placed: pixels at a wrong order, and all that were read. beyond, nodes: coordinates of the last
+    frame off by more than 3 sigma, and all valid. peak_percent, peak_sigmas: error of the last peak.
+    residual: of other nodes during the burst over that before; NaN without one. locked: at the end.
     """
 
     size_mm: float
     depth_mm: float
     wrong: int
-    told: int
+    placed: int
     beyond: int
     nodes: int
     peak_percent: float
@@ -96,7 +96,7 @@ def judged(number: int) -> Outcome:
                     before.append(step.residual_rms_px)
             mirror = camera.truth(step.time_ns)
             read = session.loop.burst_read
-            wrong, told = (0, 0) if read is None else _orders(optics, read, mirror)
+            wrong, placed = (0, 0) if read is None else _orders(optics, read, mirror)
             assert step.measured is not None
             valid = step.measured.valid
             true_q = optics.trace(*session.loop.grid.mesh(), Dented(optics.rest, mirror)).q
@@ -107,7 +107,7 @@ def judged(number: int) -> Outcome:
         dent.size_mm,
         dent.depth_mm,
         wrong,
-        told,
+        placed,
         beyond,
         2 * int(np.count_nonzero(valid)),
         100 * error_mm / dent.depth_mm,
@@ -118,7 +118,7 @@ def judged(number: int) -> Outcome:
 
 
 def _orders(optics: Optics, read: Read, mirror: DepthField) -> tuple[int, int]:
-    """(pixels told wrong, pixels told) of a burst."""
+    """(pixels read wrong, pixels read) of a burst."""
     places: Float = read.places
     known: Mask = read.known
     v, u = np.mgrid[: known.shape[0], : known.shape[1]].astype(np.float64)
@@ -129,7 +129,7 @@ def _orders(optics: Optics, read: Read, mirror: DepthField) -> tuple[int, int]:
 
 def summarise(outcomes: Sequence[Outcome]) -> Report:
     """Bars over all presses."""
-    wrong, told = sum(one.wrong for one in outcomes), sum(one.told for one in outcomes)
+    wrong, placed = sum(one.wrong for one in outcomes), sum(one.placed for one in outcomes)
     beyond = sum(one.beyond for one in outcomes) / max(sum(one.nodes for one in outcomes), 1)
     locked = [one for one in outcomes if one.locked]
     percent = [abs(one.peak_percent) for one in locked]
@@ -138,7 +138,7 @@ def summarise(outcomes: Sequence[Outcome]) -> Report:
     residual = [one.residual for one in outcomes if np.isfinite(one.residual)]
     within = sum(one < PERCENT for one in percent)
     figures = [
-        Figure("pixels told at a wrong order", f"{wrong} of {told}", "0", wrong == 0),
+        Figure("pixels read at a wrong order", f"{wrong} of {placed}", "0", wrong == 0),
         Figure("valid nodes beyond 3 sigma", f"{beyond:.2%}", "<= 1 %", beyond <= MOST_BEYOND),
         Figure("locked at the end", f"{len(locked)} of {len(outcomes)}"),
         Figure("of these, peak within 1 %", f"{within} of {len(locked)}", "all", within == len(locked)),

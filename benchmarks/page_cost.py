@@ -83,7 +83,7 @@ def _view(url: str, go: Any, over: Any, count: Any, parts: list[str], bytes_per_
 
 
 class Viewers:
-    """Viewers in processes of their own, which ask while they are told to."""
+    """Viewers in processes of their own, which ask until they are ended."""
 
     def __init__(self, url: str, number: int, parts: list[str], bytes_per_s: float | None = None) -> None:
         spawn = mp.get_context("spawn")

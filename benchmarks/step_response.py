@@ -1,8 +1,8 @@
 """Frames from a sudden press to lock, and whether any timing starves or destabilises the loop.
 
 A step of 0.2 mm (sigma 5 mm) at full size, twenty seeds; the seed also draws when in a frame the press
-comes. Counted from the first frame whose exposure saw the press to the first of three frames running with a
-residual rms under 0.05 camera px over usable nodes, of which 98 % must be valid. The bar is twice the
+comes. Counted from the first frame whose exposure saw the press to the first of three consecutive frames with
+a residual rms under 0.05 camera px over usable nodes, of which 98 % must be valid. The bar is twice the
 physical delay, as the loop measured it, and 4 frames.
 
 Then a smaller bench (camera and LCD binned by 4) under every mix of camera phase, display refresh, exposure
@@ -50,7 +50,7 @@ class Response:
     """What a step came to.
 
     lock_frames: None where it never locked. delay_frames: mid-exposure to the answer half lit, measured.
-    longest_gap: most frames running without a measurement after the press. worst_px, late_px, last_px:
+    longest_gap: most consecutive frames without a measurement after the press. worst_px, late_px, last_px:
     residual rms over usable nodes, largest after lock, largest of the second half, and in the last frame.
     warp_error_px: rms of the last measured warp against the true one, LCD px.
     """
@@ -82,7 +82,7 @@ class Response:
 
 
 def lock_index(residual_px: Sequence[float], share: Sequence[float]) -> int | None:
-    """Index of the first of three frames running that are nulled."""
+    """Index of the first of three consecutive frames that are nulled."""
     running = 0
     for index, (px, valid) in enumerate(zip(residual_px, share, strict=True)):
         running = running + 1 if px < LOCK_RESIDUAL_PX and valid >= VALID_SHARE else 0

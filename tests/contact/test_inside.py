@@ -137,7 +137,7 @@ def test_the_depth_of_a_ball_is_known_where_nodes_are_read_up_to_its_border() ->
     assert with_depths(surface, [contact])[0].depth_mm == found.depth_mm
 
 
-def test_two_contacts_are_told_apart_by_their_common_dent() -> None:
+def test_two_contacts_are_distinguished_by_their_common_dent() -> None:
     x, y = lattice()
     apart = 2.2
     r, other = np.hypot(x - apart, y), np.hypot(x + apart, y)

@@ -1,4 +1,4 @@
-"""Contacts in made-up frames: found, told apart from what is not one, outlined to a fraction of a pixel."""
+"""Contacts in made-up frames: found, nothing else called one, outlined to a fraction of a pixel."""
 
 import numpy as np
 import pytest

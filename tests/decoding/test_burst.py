@@ -33,12 +33,12 @@ def dent(depth_px: float, size_px: float) -> tuple[np.ndarray, np.ndarray]:
     return rest, rest + np.stack([along * x, along * y], axis=-1)
 
 
-def test_numbers_tell_axis_period_and_shift() -> None:
-    told = {
+def test_numbers_say_axis_period_and_shift() -> None:
+    read = {
         (one.axis, one.period_px, round(one.shift_rad, 6))
         for one in (Coded(k, np.zeros((0, 4))) for k in range(PICTURES))
     }
-    assert len(told) == PICTURES
+    assert len(read) == PICTURES
 
 
 @pytest.mark.parametrize("depth_px", [100.0, 700.0, -700.0])
@@ -53,8 +53,8 @@ def test_places_are_read_through_folds_without_a_wrong_order(depth_px: float) ->
     assert known.mean() > 0.99
 
 
-def test_what_is_out_of_reach_is_not_told() -> None:
-    """Displaced by up to 90 LCD px at slopes that look right: no pixel is told wrong."""
+def test_what_is_out_of_reach_is_not_read() -> None:
+    """Displaced by up to 90 LCD px at slopes that look right: no pixel is read wrong."""
     thought, q = dent(2400.0, 16.0)
     assert np.abs(q - thought).max() > 65.0
     places, known = pixel_places(pictures(q), BLACK, thought, RIM)
@@ -62,7 +62,7 @@ def test_what_is_out_of_reach_is_not_told() -> None:
     assert known[RIM].mean() > 0.99
 
 
-def test_an_island_that_nothing_joins_to_what_is_known_is_not_told() -> None:
+def test_an_island_that_nothing_joins_to_what_is_known_is_not_read() -> None:
     rest, _ = dent(0.0, 16.0)
     q = rest.copy()
     q[40:80, 60:100] += 15.0
@@ -71,7 +71,7 @@ def test_an_island_that_nothing_joins_to_what_is_known_is_not_told() -> None:
     assert known[RIM].all()
 
 
-def test_without_fringes_nothing_is_told() -> None:
+def test_without_fringes_nothing_is_read() -> None:
     rest, q = dent(100.0, 16.0)
     seen = pictures(q)
     seen[:, 30:60, 40:70] = 90.0
@@ -94,7 +94,7 @@ def test_nodes_are_as_good_as_they_say() -> None:
     assert 0.2 < np.sqrt(np.mean(z**2)) < 1.1
 
 
-def test_a_node_with_too_few_pixels_is_not_told() -> None:
+def test_a_node_with_too_few_pixels_is_not_read() -> None:
     rest, _ = dent(0.0, 16.0)
     known = np.zeros(U.shape, bool)
     known[:, : 40 - RADIUS_PX // 2] = True

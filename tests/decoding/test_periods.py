@@ -75,6 +75,6 @@ def test_default_periods_keep_every_place_apart(size):
     assert unambiguous_range(periods, 0.05) > size
 
 
-def test_the_longest_side_that_two_sine_waves_can_tell_is_their_beat():
+def test_the_longest_side_that_two_sine_waves_can_settle_is_their_beat():
     # Without noise 9 and 10 px coincide again at 90 px; the range ends where the best compromise lies.
     assert unambiguous_range((9, 10), 1e-4) == pytest.approx(89, abs=0.2)

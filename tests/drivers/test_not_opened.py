@@ -13,7 +13,7 @@ from zeromethod.drivers import not_opened
 from zeromethod.drivers.not_opened import in_words, reason
 
 
-def test_a_server_that_speaks_no_pictures_is_told_from_one_that_is_not_there() -> None:
+def test_a_server_that_speaks_no_pictures_is_distinguished_from_one_that_is_not_there() -> None:
     with socket.create_server(("127.0.0.1", 0)) as mute:
         assert "answers at port" in reason(f"http://127.0.0.1:{mute.getsockname()[1]}/video")
 

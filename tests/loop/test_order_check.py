@@ -1,4 +1,4 @@
-"""Which period of the carrier is seen, told by one enlarged picture: planted displacements, and a run."""
+"""Which period of the carrier is seen, found by one enlarged picture: planted displacements, and a run."""
 
 from __future__ import annotations
 
@@ -68,17 +68,17 @@ def plane(du_px: float, dv_px: float, steep: float) -> np.ndarray:
 
 @pytest.mark.parametrize("diagonal", [False, True])
 @pytest.mark.parametrize("periods", [(1.0, 0.0), (-2.0, 1.0), (0.5, 3.5), (-7.3, 6.1)])
-def test_whole_periods_are_told_by_the_enlarged_picture(periods, diagonal):
+def test_whole_periods_are_found_by_the_enlarged_picture(periods, diagonal):
     view, d = View(diagonal), plane(PERIOD_PX * periods[0], PERIOD_PX * periods[1], 0.02)
     assert view.look(d) is None
     assert view.order() is Order.DOUBTED
-    told = view.look(d)
+    found = view.look(d)
     assert view.order() is Order.KNOWN
     away = np.stack([U, V], axis=-1) - MIDDLE
     true = (1 + ENLARGED) * (away + d) - away
     # noise of the first frame comes in enlarged; a wrong order would be off by a period
-    np.testing.assert_allclose(told.residual_px[told.trusted], true[told.trusted], atol=8 * SIGMA_PX)
-    assert np.count_nonzero(told.trusted) > 0.99 * np.count_nonzero(REST.visible)
+    np.testing.assert_allclose(found.residual_px[found.trusted], true[found.trusted], atol=8 * SIGMA_PX)
+    assert np.count_nonzero(found.trusted) > 0.99 * np.count_nonzero(REST.visible)
 
 
 def test_where_a_quarter_of_the_view_is_at_rest_nothing_is_doubted():
@@ -107,7 +107,7 @@ def test_order_is_doubted_after_a_gap_without_frames():
     assert view.order() is Order.DOUBTED
 
 
-def test_while_the_mirror_moves_nothing_is_told_and_after_a_second_it_is_said_to_be_unknown():
+def test_while_the_mirror_moves_nothing_is_found_and_after_a_second_it_is_said_to_be_unknown():
     view = View()
     moving = (plane(5.0 + 0.25 * k, 0.0, 0.0) for k in range(100))
     while view.frames < LONGEST_S * 60:
@@ -116,9 +116,9 @@ def test_while_the_mirror_moves_nothing_is_told_and_after_a_second_it_is_said_to
     view.look(next(moving))
     view.look(next(moving))
     assert view.order() is Order.UNKNOWN
-    # it settles, and is told
-    told = [view.look(plane(5.0, 0.0, 0.0)) for _ in range(6 * STEADY_FRAMES)]
-    assert any(one is not None for one in told)
+    # it settles, and is found
+    found = [view.look(plane(5.0, 0.0, 0.0)) for _ in range(6 * STEADY_FRAMES)]
+    assert any(one is not None for one in found)
     assert view.order() is Order.KNOWN
 
 

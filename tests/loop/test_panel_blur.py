@@ -100,7 +100,7 @@ def test_measured_warp_of_a_narrow_dent_is_as_large_as_the_true_one(sigma_mm, pa
 
 
 @pytest.mark.parametrize("panel_blur_px", [0.0, 0.7, 1.0])
-def test_contrast_under_a_press_tells_the_panels_blur_from_the_lenss(panel_blur_px):
+def test_contrast_under_a_press_distinguishes_the_panels_blur_from_the_lenss(panel_blur_px):
     blur = PanelBlur(bench().rig, bench().rest.grid)
     bench().nulled(dent(3.0), panel_blur_px, blur)
     # the apertures are 0.9 and 0.85 LCD px wide; the lens of 0.7 camera px must not count

@@ -36,7 +36,7 @@ def test_pictures_stay_longer_where_frames_remain_mixed_or_far_from_null():
         assert dwell.period_frames == LONGEST_FRAMES
 
 
-def test_motion_does_not_lengthen_what_strips_tell_apart():
+def test_motion_does_not_lengthen_what_strips_distinguish():
     dwell = PatternDwell(FRAME_NS, timed=True)
     _note(dwell, 10 * RAISE_FRAMES, residual=0.5)
     assert dwell.period_frames == 1

@@ -66,7 +66,7 @@ def test_a_regular_texture_that_moved_as_a_whole_is_doubtful():
 
 
 @pytest.mark.parametrize(("texture", "period_px"), [(planted.lattice(), 16.0), (dots(24.0), 24.0)])
-def test_the_largest_shift_tells_by_how_many_periods_a_regular_texture_moved(texture, period_px):
+def test_the_largest_shift_says_by_how_many_periods_a_regular_texture_moved(texture, period_px):
     images = seen(texture, shift(3.0, 1.0))
     found = correlate(*images, largest_shift_px=0.45 * period_px)
     assert found.valid.mean() > 0.75
@@ -131,7 +131,7 @@ def test_a_frame_that_stands_still_does_not_pull_valid_points_towards_rest(textu
     assert wrong.sum() < 0.03 * found.valid.sum()
 
 
-def test_a_mark_in_a_regular_texture_tells_by_how_many_periods_it_moved():
+def test_a_mark_in_a_regular_texture_says_by_how_many_periods_it_moved():
     def marked(u, v):
         near = np.hypot(u - 130, v - 100) < 60
         return np.where(near, planted.speckle()(u, v), planted.lattice()(u, v))

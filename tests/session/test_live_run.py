@@ -204,7 +204,7 @@ def test_a_run_left_half_way_ends_its_threads():
     eventually(lambda: not running("drawing"))
 
 
-def test_a_run_whose_reading_process_is_killed_tells_it_and_reads_on():
+def test_a_run_whose_reading_process_is_killed_reports_it_and_reads_on():
     with session() as (run, _):
         killed, before = False, 0
         for record in run.run(seconds=60):

@@ -70,7 +70,7 @@ def test_frames_have_the_mains_light_of_their_exposure(make_rig, renderer):
 
 
 @pytest.mark.parametrize("renderer", ["numpy", "gpu"])
-def test_the_backlight_grows_as_it_is_told(make_rig, renderer):
+def test_the_backlight_grows_as_it_is_set(make_rig, renderer):
     images, found = frames(rig_with(make_rig, renderer, backlight_per_minute=3.0), 6)
     plain, _ = frames(rig_with(make_rig, renderer), 6)
     lit = plain[0] > 0.1

@@ -17,7 +17,7 @@ view_option = click.option(
     is_flag=False,
     flag_value=f"{LOOPBACK}:{USUAL_PORT}",
     metavar="[HOST:PORT]",
-    help="Serve the operator's page, to this machine only unless told otherwise; the address is printed.",
+    help="Serve the operator's page, by default to this machine only; the address is printed.",
 )
 control_option = click.option(
     "--control",

@@ -1,6 +1,6 @@
 """Depth inside contacts, carried in from around them by how rubber yields.
 
-No light comes back from where something touches, but the dent around it and the border of the contact tell
+No light comes back from where something touches, but the dent around it and the border of the contact show
 how deep it goes: outside, depth is what the pressure inside makes of it, and rigid objects press in few ways
 (`zeromethod.contact.loads`). They are mixed as the nodes around say; what these leave open is sigma, which
 grows inwards.

@@ -1,8 +1,8 @@
 """Contacts of many narrow parts: ridges, bars, grains with reflecting rubber between them.
 
-Less than a period wide, no part is a flat place and no gap shows a carrier. What tells them from a picture is
-that one dark grey level is far too common: a picture has every level about as often as any other. And what
-lies nearer than a period to each other is one contact, as nothing between could be measured.
+Less than a period wide, no part is a flat place and no gap shows a carrier. What distinguishes them from a
+picture is that one dark grey level is far too common: a picture has every level about as often as any other.
+And what lies nearer than a period to each other is one contact, as nothing between could be measured.
 """
 
 from __future__ import annotations

@@ -97,7 +97,7 @@ def _correct(
 ) -> None:
     """Gain per node and target = x + K (z - x) at valid nodes (x elsewhere); variance is updated.
 
-    radius: of the boxes, nodes; as an argument, as boxes of a fixed one would be compiled once more.
+    radius: of the boxes, nodes; as an argument, as boxes of a fixed one would be compiled again.
     """
     rows, cols = valid.shape
     innovation, count, box = scratch[0], scratch[1], scratch[2]

@@ -1,7 +1,7 @@
 """Where pixels look on the LCD, read from the pictures of a burst; then at nodes, with sigma.
 
 Every pixel is read for itself: where the mirror folds, several pixels see one place of the LCD, and each is
-told its own. The phase of a period says its place up to whole periods; the order is the one for which both
+given its own. The phase of a period says its place up to whole periods; the order is the one for which both
 periods agree, within `REACH_LCD_PX` of where the pixel is thought to look. It is checked by what lies around:
 a mirror that bends does not tear, so pixels count in patches without steps, and a patch counts that reaches
 out to where it is known where pixels look, and agrees.

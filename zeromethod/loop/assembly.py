@@ -82,7 +82,7 @@ def make_circle(
 
 
 def order_check(rig: Rig, rest: Rest) -> OrderCheck | None:
-    """Make what tells the carrier's order; None where none is told.
+    """Make what finds the carrier's order; None where none is looked for.
 
     Noise has none, the integrator's pictures never stay, and a bench that was not calibrated has no rest that
     orders count from.

@@ -74,7 +74,7 @@ class Read:
     """What a burst read.
 
     q, sigma: (rows, cols, 2) LCD px. mask: nodes read, of those in the region. ring, ring_q: nodes around
-    that are watched. places, known: (h, w, 2) LCD px of single pixels, and which were told, from the image's
+    that are watched. places, known: (h, w, 2) LCD px of single pixels, and which were read, from the image's
     row `top` and column `left` on. time_ns: of the last picture.
     """
 

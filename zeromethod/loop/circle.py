@@ -84,7 +84,7 @@ class FrameResult:
     changed: there is a new command. refusal: why it brought none. observation, residual and measured are None
     where the frame could not be paired or is dark. residual_rms_px: rms length of the residual over valid
     nodes. valid_share, covered_share: those valid, and those without light, of the nodes visible at rest.
-    order: whether it is known which period of the carrier is seen, is being told, or could not be. coded: the
+    order: whether it is known which period of the carrier is seen, is being found, or cannot be. coded: the
     frame may have seen coded pictures in places. unread: nodes that no burst has read wait for one, or one
     is under way for them.
     """
@@ -221,9 +221,9 @@ class Circle:
         if self._light_watch.is_off(residual.mean):
             return FrameResult(refusal=Event.LIGHT_OFF)
         drawn = self.commanded.q
-        order, told = self._told(observation, residual, known, frozen)
-        if told is not None:
-            known = told
+        order, settled = self._carrier_order(observation, residual, known, frozen)
+        if settled is not None:
+            known = settled
             residual, measured = self._measure(observation, known, known_q)
         if self._expected_light is not None and _has_moved(measured, known_q):
             continued = continue_smoothly(measured.q - self.rest.q, measured.valid)
@@ -247,15 +247,15 @@ class Circle:
         coded = (False, False) if burst is None else (burst.blinding, burst.unread)
         return FrameResult(changed, refusal, observation, *seen, order, *coded)
 
-    def _told(
+    def _carrier_order(
         self, observation: Observation, residual: Residual, known: Known, frozen: bool
     ) -> tuple[Order, Known | None]:
         """Whether the carrier's order is known, and what the frame is to be held against if just now."""
         check = self._order_check
         if check is None:
             return Order.KNOWN, None
-        told = None if frozen else check.look(observation, residual, known)
-        return check.order(observation.shown.time_ns), told
+        settled = None if frozen else check.look(observation, residual, known)
+        return check.order(observation.shown.time_ns), settled
 
     def _coded(
         self, observation: Observation, residual: Residual, measured: Warp, known_q: Float, frozen: bool

@@ -6,7 +6,7 @@ that fails once and comes back counts at once, and so does one beside a place th
 sudden press is nulled light goes and comes back everywhere, and the loop needs each node that sees any.
 
 An edge of the light t nodes away leaves (1 - t/2)^2 / 2 of the triangular window dark, which moves the phase
-by up to as many radians; nearer edges than about one node are told by the light itself (`sensing.shading`).
+by up to as many radians; nearer edges than about one node are found by the light itself (`sensing.shading`).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Which period of the carrier is seen, told absolutely by one picture that is drawn a little larger.
+"""Which period of the carrier is seen, found absolutely by one picture that is drawn a little larger.
 
 Phase is known up to whole periods, and neighbours settle the order of neighbours. Nothing settles that of the
 whole view when a run begins with something pressed, after frames without a view, or after a jump of all of
@@ -8,7 +8,7 @@ b = (1 + s) a in the second. Both are read up to whole periods P,
 
     b - (1 + s) a = s m P + (whole periods),
 
-and what is left of the difference tells by how many periods m the first was misread, of up to 1 / (2 s).
+and what is left of the difference says by how many periods m the first was misread, of up to 1 / (2 s).
 """
 
 from __future__ import annotations
@@ -39,18 +39,18 @@ JUMP_PERIODS, JUMPED_SHARE, JUMPED_QUIET_SHARE = 1 / 8, 0.5, 0.08
 share that did not move, above which it was a press."""
 
 GAP_S, LEAST_SHARE = 0.25, 0.5
-"""Time without a measurement, and share of the nodes measured, after which order is to be told again."""
+"""Time without a measurement, and share of the nodes measured, after which order is to be found again."""
 
 CLEAR, CLEAR_SHARE = 0.25, 0.8
-"""A node tells its order where it comes as close to a whole number; share of the nodes that must tell the
-same one, as neighbours have told each other theirs already."""
+"""A node shows its order where it comes as close to a whole number; share of the nodes that must show the
+same one, as neighbours have settled each other's already."""
 
 STEADY_FRAMES = 3
-"""Frames running that must have seen a picture alone, once a try has failed: where the delay is not known the
-first of them may have seen the one before."""
+"""Consecutive frames that must have seen a picture alone, once a try has failed: where the delay is not known
+the first of them may have seen the one before."""
 
 LONGEST_S = 1.0
-"""Time after which an order that could not be told counts as lost."""
+"""Time after which an order that could not be found counts as lost."""
 
 _SAME_LCD_PX = 1e-3
 """Difference between warps that are the same; recordings round them."""
@@ -61,7 +61,9 @@ class Order(enum.StrEnum):
 
     KNOWN = ""
     DOUBTED = "finding out which period of the carrier is seen"
-    UNKNOWN = "which period of the carrier is seen cannot be told: keep what is pressed still, or lift it"
+    UNKNOWN = (
+        "which period of the carrier is seen cannot be found out: keep what is pressed still, or lift it"
+    )
 
 
 class OrderCheck:
@@ -99,7 +101,7 @@ class OrderCheck:
         return Order.UNKNOWN if time_ns - self._since_ns > 1e9 * LONGEST_S else Order.DOUBTED
 
     def look(self, observation: Observation, residual: Residual, known: Known) -> Known | None:
-        """Take in a frame's residual; what it must be held against, where the order has just been told.
+        """Take in a frame's residual; what it must be held against, where the order has just been found.
 
         known: what was expected of the frame.
         """
@@ -123,9 +125,9 @@ class OrderCheck:
             # as this frame saw it, which shows what a picture to be kept must
             self._kept, self._since_ns, self._seen = observation.shown.q.copy(), time_ns, None
             self._steady = 0
-        return self._told(observation, residual, known)
+        return self._compare(observation, residual, known)
 
-    def _told(self, observation: Observation, residual: Residual, known: Known) -> Known | None:
+    def _compare(self, observation: Observation, residual: Residual, known: Known) -> Known | None:
         """The order by a frame of the picture that is kept and one of the enlarged one, in turn."""
         assert self._kept is not None
         if observation.mixture is not None:
@@ -163,7 +165,7 @@ class OrderCheck:
     def _absolute(self, d: Float, d_larger: Float, both: Mask) -> tuple[Float, Mask]:
         """(Residual (rows, cols, 2) against the enlarged picture, camera px; where its order is clear).
 
-        both: nodes that both pictures were read at, which tell how many periods all are off.
+        both: nodes that both pictures were read at, which say how many periods all are off.
         """
         period, away = self._rest.grid.period_px, self._from_middle
         one = self._to_carriers(away + d)

@@ -43,7 +43,7 @@ OPENING_S = 30.0
 """How long the server may take to start."""
 
 CLOSING_S = 2.0
-"""How long it may take to tell its viewers that the run is over."""
+"""How long it may take to inform its viewers that the run is over."""
 
 MEMORY_BYTES = 24 << 20
 """Shared memory: a picture of 16 bits and five megapixels, and the maps."""

@@ -129,7 +129,7 @@ async def _serve(setting: Setting, exchange: ArrayExchange, stream: BinaryIO, se
         ).start()
         hub.begin()
         await hub.over.wait()
-        await asyncio.sleep(0.2)  # viewers are told
+        await asyncio.sleep(0.2)  # viewers are informed
     except _Refused as error:
         sender.send({"kind": REFUSED, "words": str(error)})
     finally:

@@ -30,7 +30,7 @@ class Coded:
 
     @property
     def axis(self) -> int:
-        """0: the fringes tell columns, 1: rows."""
+        """0: the fringes count columns, 1: rows."""
         return self.number // (PICTURES // 2)
 
     @property

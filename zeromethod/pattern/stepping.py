@@ -11,7 +11,7 @@ direction (`fine.lateness`).
 from __future__ import annotations
 
 ALONG_V = 2
-"""Periods along v for each along u: different ones, so that both carriers are told apart in time."""
+"""Periods along v for each along u: different ones, so that both carriers are distinguished in time."""
 
 
 def shift_of(step: int, number: int) -> tuple[float, float]:

@@ -14,7 +14,7 @@ from zeromethod.simulation.contact.objects import Held
 
 _STEP_MM = 0.5
 _DECIMALS = 5
-"""Of a map's curvatures, 1/mm, which are rounded so that an object that slides is seldom solved anew."""
+"""Of a map's curvatures, 1/mm, which are rounded so that an object that slides is seldom solved again."""
 
 
 @lru_cache(4)
