@@ -103,13 +103,8 @@ class Loop:
         timeout_s, timed = rig.control.timeout_s, parts.strips is not None
         dwell = PatternDwell(1e9 / rig.camera.rate_hz, timed) if self.live or timed else None
         slowest_s = max(timeout_s, HANGING_S)
-        drawing = Drawing(
-            lambda: Drawer(rig, display, parts.rest, parts.strips),
-            timed,
-            slowest_s,
-            self.live,
-            rig.target.step,
-        )
+        pace = timed, slowest_s, self.live, rig.target.step
+        drawing = Drawing(lambda: Drawer(rig, display, parts.rest, parts.strips), *pace)
         self.gl_renderer = drawing.gl_renderer
         """Name of what draws the pattern, as GL gives it."""
         self.adjust = Adjustments(rig, self._circle.controller, drawing)

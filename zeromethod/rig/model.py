@@ -17,17 +17,16 @@ from zeromethod.rig.device_tables import SIMULATED, CameraSpec, DisplaySpec, Noi
 from zeromethod.rig.geometry import GeometrySpec
 from zeromethod.rig.keys import plain, set_value, value_at
 from zeromethod.rig.refusal import RENAMED, first_refusal, refused, shown, unknown_key
+from zeromethod.rig.simulation_tables import Faults, SimulationSpec
 from zeromethod.rig.tables import (
     MARK_HALF_PX,
     ControlSpec,
-    Faults,
     KnownRest,
     Layer,
     PriorSpec,
     Prism,
     RestSurface,
     Rubber,
-    SimulationSpec,
     SurfaceSpec,
     Table,
     TargetSpec,

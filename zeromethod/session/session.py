@@ -97,14 +97,9 @@ class Session:
             self._devices = devices or stack.enter_context(open_devices(self.rig))
             self.rig, doubt = with_stated_geometry(self.rig, self._devices.camera)
             self._optics = Optics(self.rig)
-            self.loop = Loop(
-                self.rig,
-                self._devices.camera,
-                self._devices.display,
-                self._devices.clock,
-                reopen_camera=self._devices.reopen_camera,
-                optics=self._optics,
-            )
+            opened, reopen = self._devices, self._devices.reopen_camera
+            parts = opened.camera, opened.display, opened.clock
+            self.loop = Loop(self.rig, *parts, reopen_camera=reopen, optics=self._optics)
             self.loop.doubt = doubt
             stack.callback(self.loop.close)
             self._grid: NodeGrid = self.loop.grid
