@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from node_bench import LCD_PER_CAMERA, PERIOD_PX, _seen_at, dent, rest_warp
 
-from zeromethod.exposure.mixture import Mixture, _arctan, _sine, mixture, unmix
+from zeromethod.exposure.mixture import Mixture, _arctan, _sine, mixture
+from zeromethod.exposure.unmixing import unmix
 from zeromethod.warp.compose import compose
 
 REST = rest_warp(256)

@@ -12,10 +12,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-import numba
 import numpy as np
 
-from zeromethod.arrays import Flags, Float, Image, Mask, Single
+from zeromethod.arrays import Float, Image, Mask, Single
 from zeromethod.control.composition import Composition, Controller
 from zeromethod.control.integrator import Integrator
 from zeromethod.control.velocity import Horizon
@@ -27,6 +26,7 @@ from zeromethod.loop.events import Event
 from zeromethod.loop.light_hold import LightHold
 from zeromethod.loop.light_quality import LightWatch
 from zeromethod.loop.measured_warp import Known, expect, measure_warp, unmixed
+from zeromethod.loop.node_figures import away_from_rest, node_figures
 from zeromethod.loop.order_check import Order, OrderCheck
 from zeromethod.loop.panel_blur import PanelBlur
 from zeromethod.loop.unsteady_nodes import UnsteadyNodes
@@ -36,7 +36,6 @@ from zeromethod.sensing.residual import Residual
 from zeromethod.surface.expected_light import ExpectedLight
 from zeromethod.warp.continuation import continue_smoothly
 from zeromethod.warp.rest import Rest
-from zeromethod.warp.validity import Flag
 from zeromethod.warp.warp import Role, Warp
 
 REST_BLOCK = 8
@@ -51,9 +50,6 @@ time under the light that the first reading predicts: else a slide of 10 mm/s lo
 light, and 2 % of the peak with them."""
 
 _REFUSALS = {Unpaired.CONTRADICTED: Event.STRIPS_CONTRADICT, Unpaired.NOT_LIT: Event.NOT_LIT}
-
-
-_LIGHT_LOST = int(Flag.LIGHT_LOST)
 
 
 class Sensor(Protocol):
@@ -236,7 +232,7 @@ class Circle:
             changed = self.commanded.q is not drawn
         changed |= redraw
         nulled = measured.valid if read is None else measured.valid & ~read
-        square, share, covered = _figures(
+        square, share, covered = node_figures(
             residual.d, nulled, measured.valid, self.rest.visible, residual.flags
         )
         rms_px = float(np.sqrt(square))
@@ -315,48 +311,8 @@ class Circle:
         """
         estimate = self.controller.estimate
         rest_q = self.rest.q if rest_q is None else rest_q
-        worst, noise = _away_from_rest(estimate, rest_q, measured.sigma, measured.valid, REST_BLOCK)
+        worst, noise = away_from_rest(estimate, rest_q, measured.sigma, measured.valid, REST_BLOCK)
         return bool(worst < (3 * noise**0.5 + REST_WITHIN_LCD_PX) ** 2)
-
-
-@numba.njit(cache=True)
-def _figures(d: Float, nulled: Mask, valid: Mask, seen: Mask, flags: Flags) -> tuple[float, float, float]:
-    """(mean square length of d over nulled nodes; valid share of the seen ones, and that without light)."""
-    total = 0.0
-    nodes = both = wanted = dark = 0
-    for j in range(valid.shape[0]):
-        for i in range(valid.shape[1]):
-            if seen[j, i]:
-                wanted += 1
-                dark += flags[j, i] & _LIGHT_LOST != 0
-            both += valid[j, i] and seen[j, i]
-            if nulled[j, i]:
-                nodes += 1
-                total += d[j, i, 0] ** 2 + d[j, i, 1] ** 2
-    return total / nodes if nodes else np.nan, both / max(wanted, 1), dark / max(wanted, 1)
-
-
-@numba.njit(cache=True)
-def _away_from_rest(q: Float, q_rest: Float, sigma: Float, valid: Mask, size: int) -> tuple[float, float]:
-    """(largest mean square displacement of any block, mean sigma^2), both per component, LCD px^2."""
-    rows, cols = valid.shape
-    largest = noise = 0.0
-    every = 0
-    for top in range(0, rows, size):
-        for left in range(0, cols, size):
-            total = 0.0
-            nodes = 0
-            for j in range(top, min(top + size, rows)):
-                for i in range(left, min(left + size, cols)):
-                    if valid[j, i]:
-                        nodes += 1
-                        for k in range(2):
-                            total += 0.5 * (q[j, i, k] - q_rest[j, i, k]) ** 2
-                            noise += 0.5 * sigma[j, i, k] ** 2
-            if nodes:
-                every += nodes
-                largest = max(largest, total / nodes)
-    return largest, noise / max(every, 1)
 
 
 def _has_moved(measured: Warp, known_q: Float) -> bool:

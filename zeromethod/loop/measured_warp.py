@@ -16,8 +16,8 @@ import numba
 import numpy as np
 
 from zeromethod.arrays import Flags, Float, Mask
-from zeromethod.exposure.mixture import unmix
 from zeromethod.exposure.pairing import Observation
+from zeromethod.exposure.unmixing import unmix
 from zeromethod.loop.light_hold import LightHold
 from zeromethod.loop.panel_blur import PanelBlur
 from zeromethod.sensing.residual import Residual
