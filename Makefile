@@ -4,7 +4,7 @@
 # make test-long  calibrations of whole benches and a run, in real time and pixel by pixel, some seven minutes
 # make lint  format, lint, types, import layers, docstrings of the public API
 # make bench speed and accuracy against peers (ratios of the same run), sigma, steps, long holds, gains,
-#            faults, live path, calibration, decoding, still images: ~50 minutes
+#            faults, live path, calibration, decoding, still images, contacts, every pixel, the page: ~90 minutes
 # Everything lives in .venv; system packages that are missing (EGL, Mesa; Xorg for the tests) are installed first.
 
 PYTHON ?= python3
@@ -37,8 +37,8 @@ lint: $(VENV)/.dev-ready
 bench: $(VENV)/.run-ready
 	@mkdir -p out
 	$(BIN)/python -m benchmarks.against_peers --figure out/bench.png --summary out/bench.json
-	@for name in sigma press_suite peaks step_response wavelength_gain contacts contact_image curved_faces acquisition folds nuisances long_hold fault_tour live_cost calibration_study decoding passive_textures; do \
-		quick=; [ $$name = live_cost ] && quick=--quick; \
+	@for name in sigma press_suite peaks step_response wavelength_gain contacts contact_image curved_faces acquisition folds nuisances touches scenarios every_pixel still_errors page_cost page_memory long_hold fault_tour live_cost calibration_study decoding passive_textures; do \
+		case $$name in live_cost|touches|scenarios|every_pixel|page_memory) quick=--quick;; *) quick=;; esac; \
 		echo "$(BIN)/python -m benchmarks.$$name $$quick"; \
 		$(BIN)/python -m benchmarks.$$name $$quick --summary out/$$name.json || exit; \
 	done
