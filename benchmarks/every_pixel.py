@@ -271,7 +271,7 @@ def pads(seeds: int, advance: Advance) -> tuple[list[Figure], list[list[str]], d
 
 
 @benchmark("every_pixel", __doc__)
-def measure(quick: bool) -> Report:
+def command(quick: bool) -> Report:
     """Measure all parts."""
     seeds, wide = (2, 1) if quick else (20, 3)
     with progress(len(DENTS) * seeds + 2 + wide + len(PADS_MM) * wide) as advance:
@@ -289,4 +289,4 @@ def measure(quick: bool) -> Report:
 
 
 if __name__ == "__main__":
-    start(measure)
+    start(command)

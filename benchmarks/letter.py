@@ -17,6 +17,7 @@ import matplotlib as mpl
 import numpy as np
 
 from benchmarks.every_pixel import OPEN_GAIN, Held, bench_rig, held
+from benchmarks.report import start
 from benchmarks.rigs import VIEW_MIDDLE_MM
 from zeromethod.arrays import Float
 from zeromethod.surface import SurfaceReader
@@ -46,9 +47,9 @@ def seen(gain: float, shape: Float) -> Held:
         return held(bench_rig(0, gain=gain).model_copy(update={"scenario": str(press)}))
 
 
-@click.command(help=__doc__)
+@click.command("letter", help=__doc__)
 @click.option("--output", type=click.Path(path_type=Path), default=Path("docs/letter.png"))
-def main(output: Path) -> None:
+def command(output: Path) -> None:
     """Run both benches and draw."""
     mpl.use("agg")
     import matplotlib.pyplot as plt  # noqa: PLC0415
@@ -78,4 +79,4 @@ def main(output: Path) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    start(command)

@@ -55,7 +55,8 @@ def test_a_press_elsewhere_is_read_as_well(tmp_path):
     path = f"{point(0.1, 58.0, 8.0, 0.0)}, {point(0.1, 58.0, 8.0, -0.15)}"
     # its rim is too fine for an LCD of half the resolution
     whole = load_rig("paper").model_copy(update={"scenario": str(scenario(tmp_path, path))})
-    result = run(whole, frames=37)
+    # nodes of the rim that fail for some frames after it came down keep the loop from being locked
+    result = run(whole, frames=40)
     assert result.records[-1].state is State.LOCKED
     assert worst_percent(result, {State.LOCKED}) < 0.3
 

@@ -29,7 +29,8 @@ def test_a_run_on_the_papers_bench_that_ended_early_is_drawn(frames: int, tmp_pa
 
 def test_the_title_compares_the_peak_with_the_deepest_true_point() -> None:
     """Under a ball nothing can be read: the nodes that are read may be perfect and the peak far off."""
-    rig = coarser(load_rig("simulated"), 8).model_copy(update={"scenario": "ball"})
+    # pixels too coarse for coded pictures, which the loop would wait for
+    rig = coarser(load_rig("simulated"), 8).replace({"control.burst": "never"}, scenario="ball")
     with zm.Session(rig) as session:
         for step in session.run(seconds=1.2):
             assert step.number > 0

@@ -254,9 +254,11 @@ class Burst:
         unread = int(np.count_nonzero(new)) >= LEAST_NODES
         again = self._always or (self.read is not None and measured.time_ns > self.read.time_ns + 1e9 * OLD_S)
         wanted = np.count_nonzero(need) >= LEAST_NODES if again else unread
-        self.unread = unread
+        # what failed for some frames only, as after a sudden press, is no reason to wait any more
+        self.unread = int(np.count_nonzero(new & failing)) >= LEAST_NODES
         if not wanted or self._quiet < QUIET_FRAMES:
             return False
+        self.unread = unread
         self._running = self._blinding = _Running(self._rest, need, thought, measured)
         return True
 

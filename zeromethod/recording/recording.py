@@ -256,13 +256,19 @@ class Recording(AbstractContextManager["Recording"]):
         return Frame(image, *times)
 
     def measured(self, step: int) -> Warp | None:
-        """Warp by the step's frame alone, from the zero that was taken last; bit for bit as it was."""
+        """Warp by the step's frame alone, from the zero that was taken last; bit for bit as it was.
+
+        None where what its sigma while nulling follows from was kept, but is damaged.
+        """
         found, row = self._index.arrays("warps/measured", step, "q", "sigma", "flags"), self.row(step)
         if found is None or row is None:
             return None
         q, sigma, flags = found
         warp = Warp(q, sigma, flags, int(row["time_ns"]))
         shown, residual = self.shown(step), self.residual(step)
+        parts = {"warps/shown": shown, "residual": residual}
+        if any(part is None and self._index.holds(group) for group, part in parts.items()):
+            return None
         if shown is None:
             return warp
         return warp.with_left(shown, self.zero(step), None if residual is None else residual.valid)

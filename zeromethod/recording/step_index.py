@@ -37,6 +37,10 @@ class StepIndex:
         """Items that all datasets of a group have."""
         return min(self._source.length(name) for name in self._source.group(group))
 
+    def holds(self, group: str) -> bool:
+        """Whether a group was kept, of any step."""
+        return self._lengths.get(group, 0) > 0
+
     def at(self, group: str, step: int) -> int | None:
         """Index in a group of the items that belong to a step."""
         if group not in self._lengths:
