@@ -63,6 +63,7 @@ async function content(message, ask) {
   arrived = performance.now();
   const { parts, values } = message;
   page.values = values;
+  if (Object.keys(values).length) controls.values = values; // of two methods with one key, the one that makes sense now
   for (const part of [parts.residual, parts.surface]) if (part?.lattice) lattice = part.lattice;
   if (parts.camera) await camera.take(parts.camera);
   message.decoded = unix();
@@ -108,7 +109,6 @@ function paint(values) {
   const now = performance.now(), steady = lasting(values);
   if (values.duration_s != null) history.moment(values.time_s);
   timeline.show(values);
-  controls.values = values; // of two methods with one key, the one that makes sense now
   if (now - painted < WORDS_MS && steady.state === stated) {
     waiting = values;
     return;
