@@ -1,4 +1,4 @@
-"""Steps read into surfaces, and published: at once, or live in a thread that reads the newest step only."""
+"""Steps read into surfaces, and published: at once, or live in a thread that is a few steps late at most."""
 
 from __future__ import annotations
 
@@ -18,7 +18,10 @@ from zeromethod.warp.warp import Warp
 from zeromethod.worker import SameThread, Worker
 
 CLOSING_S = 0.4
-"""How long the end of a run waits for the reading under way."""
+"""How long the end of a run waits for the reading under way, and for the steps that wait."""
+
+WAITING_STEPS = 6
+"""Steps that wait to be read, at most: at 60 Hz as long as a reading takes that must begin from rest."""
 
 
 def warm_up_warp(rest: Rest) -> Warp:
@@ -32,8 +35,8 @@ def warm_up_warp(rest: Rest) -> Warp:
 class StepReader:
     """Reads steps that were measured, and publishes all: at once, or live in a thread of its own.
 
-    Live, a step that waits is replaced by a newer one and goes unread: the loop never waits, and nothing
-    queues. Measured steps and others wait apart, one of each.
+    Live, `WAITING_STEPS` wait for a reading that takes longer than the time between two frames; where these
+    do not suffice, the last of them is replaced by a newer one and goes unread. The loop never waits.
     """
 
     def __init__(
@@ -49,7 +52,9 @@ class StepReader:
         self._now_ns = now_ns
         self._worker: Worker[dict[bool, Step], list[Step]] | SameThread[dict[bool, Step], list[Step]]
         if live:
-            self._worker = Worker("read surface", lambda: nullcontext(self._serve), merge=or_)
+            self._worker = Worker(
+                "read surface", lambda: nullcontext(self._serve), waiting=WAITING_STEPS, merge=or_
+            )
         else:
             self._worker = SameThread(lambda: nullcontext(self._serve))
 
