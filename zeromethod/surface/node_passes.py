@@ -20,15 +20,17 @@ def use_nodes(q: Float, sigma: Float, flags: Flags, usable: Mask, out_q: Float, 
 
 
 @numba.njit(cache=True, error_model="numpy")
-def known_bending(bending: Float, at_rest: Float, out: Float) -> None:
-    """Jacobian (rows, cols, 2, 2) of a warp; that of the warp at rest where it is not finite."""
-    for i in range(out.shape[0]):
-        for j in range(out.shape[1]):
-            a, b, c, d = bending[i, j, 0, 0], bending[i, j, 0, 1], bending[i, j, 1, 0], bending[i, j, 1, 1]
-            if np.isfinite(a + b + c + d):
-                out[i, j, 0, 0], out[i, j, 0, 1], out[i, j, 1, 0], out[i, j, 1, 1] = a, b, c, d
-            else:
-                out[i, j] = at_rest[i, j]
+def at_rest_where_unknown(bending: Float, at_rest: Float) -> None:
+    """Put that of the warp at rest where a Jacobian (rows, cols, 2, 2) is not finite."""
+    for i in range(bending.shape[0]):
+        row, unknown = bending[i].reshape(4 * bending.shape[1]), 0
+        for k in range(len(row)):
+            unknown += not np.isfinite(row[k])
+        if unknown == 0:
+            continue
+        for j in range(bending.shape[1]):
+            if not np.isfinite(bending[i, j].sum()):
+                bending[i, j] = at_rest[i, j]
 
 
 @numba.njit(cache=True, error_model="numpy")
