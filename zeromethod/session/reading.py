@@ -17,7 +17,7 @@ from zeromethod.warp.rest import Rest
 from zeromethod.warp.warp import Warp
 from zeromethod.worker import SameThread, Worker
 
-CLOSING_S = 0.4
+CLOSING_S = 0.3
 """How long after the end of a run steps that wait are still read, and how long it waits for the last one."""
 
 WAITING_STEPS = 8

@@ -159,14 +159,14 @@ def jacobian(q: Float, spacing_px: float, margin: int = 0) -> Float:
     Convention: q = (column, row), u = (column, row).
     """
     out = np.empty((q.shape[0] - 2 * margin, q.shape[1] - 2 * margin, 2, 2))
-    _jacobian(q, 1.0 / spacing_px, margin, out)
+    _jacobian(np.ascontiguousarray(q), 1.0 / spacing_px, margin, out)
     return out
 
 
 def areas(q: Float) -> Float:
     """Area on the LCD per node (rows, cols) of a warp (rows, cols, 2), LCD px^2; negative where mirrored."""
     out = np.empty(q.shape[:2])
-    _areas(q, out)
+    _areas(np.ascontiguousarray(q), out)
     return out
 
 
@@ -192,5 +192,11 @@ def warp_flags(
     """
     out = np.empty(q.shape[:2], dtype=np.uint16)
     period_nodes = 2.0 if spacing_px is None else period_px / spacing_px
-    _flags(q, areas(q_rest) if rest_areas is None else rest_areas, period_nodes, *display_size, out)
+    _flags(
+        np.ascontiguousarray(q),
+        areas(q_rest) if rest_areas is None else rest_areas,
+        period_nodes,
+        *display_size,
+        out,
+    )
     return out
