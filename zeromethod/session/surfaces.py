@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import importlib
 import math
 import os
 import pickle
@@ -185,6 +186,7 @@ class Surfaces:
 
 def _reads(rig: Rig, grid: NodeGrid) -> Callable[[Warp], tuple[Surface, Peak]]:
     reader = SurfaceReader(rig, Optics(rig), grid)
+    importlib.import_module("scipy.interpolate")  # else the first narrow dent would wait for it
 
     def read(warp: Warp) -> tuple[Surface, Peak]:
         surface = reader.follow(warp)
