@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 from zeromethod.arrays import Float, Mask
 from zeromethod.surface.far_field_laws import Known, Nodes, centre, chosen
 from zeromethod.surface.far_field_posterior import posterior
+from zeromethod.surface.far_field_starts import FREE_LAW
 from zeromethod.surface.node_passes import diagonal
 
 _NO_LAW = 2.0
@@ -105,7 +106,7 @@ def _start(nodes: Nodes, pressed: Float, rest_mm: float, diagonal_mm: float) -> 
     # of a Gaussian
     size_mm = min(max(np.exp(-0.5) * range_mm / steepest, 0.01 * diagonal_mm), diagonal_mm)
     outwards = float((nodes.x - x) @ slope_x + (nodes.y - y) @ slope_y)
-    return np.array([-np.copysign(range_mm, outwards), x, y, 1.0 / size_mm, 0.0, 1.0 / size_mm])
+    return np.array([-np.copysign(range_mm, outwards), x, y, 1.0 / size_mm, 0.0, 1.0 / size_mm, FREE_LAW])
 
 
 def _evenly(nodes: Mask, most: int) -> tuple[NDArray[np.intp], ...]:

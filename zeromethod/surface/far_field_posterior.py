@@ -20,7 +20,18 @@ from zeromethod.surface.far_field_fit import (
     fit,
     pieces,
 )
-from zeromethod.surface.far_field_laws import LAYER, NUMBERS, Known, Nodes, equations
+from zeromethod.surface.far_field_laws import (
+    LAW,
+    LAYER,
+    NUMBERS,
+    ONE_LAW,
+    OWN_LAWS,
+    SET_LAWS,
+    Known,
+    Nodes,
+    dents_end,
+    equations,
+)
 from zeromethod.surface.far_field_starts import Tried, best_one, best_two, tried_dents
 
 _UNFIT = 0.15
@@ -50,8 +61,12 @@ _RANGES, _MOST_RANGES = 1.0, 3.0
 that says more is doubted by as much as it says more. Such a dent moves what is seen hardly more than the
 multiple of the scale that cannot be seen."""
 
-_MEMBERS = 12
-"""Four of one dent, as many from another start, three of two, and one on a mirror that is tilted."""
+_SEEN_BEYOND = 0.15
+"""Way beyond the view, over its extent, up to which a further dent is looked for closely."""
+
+_TWO, _OWN, _MOST, _MEMBERS = 8, 11, 4, 15
+"""Four of one dent, as many from another start, three of two with one law; from two dents to so many, each with
+its own law; and last one on a mirror that is tilted."""
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -60,24 +75,24 @@ def posterior(
 ) -> tuple[float, float]:
     """Mean and standard deviation of C, mm.
 
-    start: numbers (6,) of a dent to start from. range_mm: of depth read; diagonal_mm: of the view.
+    start: numbers (7,) of a dent to start from. range_mm: of depth read; diagonal_mm: of the view.
     """
     limits, members = _limits(nodes, range_mm, diagonal_mm), np.full((_MEMBERS, COLUMNS), np.inf)
-    one, best = np.append(start, 0.5), 0
-    alone = np.append(start, 0.5)
+    one, best = start.copy(), 0
+    alone = start.copy()
     for turn in range(2):
         first = 4 * turn
-        fit(one, True, _PASSES, nodes, quiet, known, limits, members[best, UNLIKELY], members[first])
+        fit(one, ONE_LAW, _PASSES, nodes, quiet, known, limits, members[best, UNLIKELY], members[first])
         best = first if turn == 0 or members[first, UNLIKELY] < members[best, UNLIKELY] else best
         if best == first:
             alone[:] = one
         for k, law in ((1, 1.0), (2, 0.0), (3, LAYER)):
-            if turn == 0 and not _possible(members[0], one[-1], law):
+            if turn == 0 and not _possible(members[0], one[LAW], law):
                 continue
             same = _same_scale(alone if members[best, WRONG] < _UNFIT else one, law)
             fit(
                 same,
-                False,
+                SET_LAWS,
                 _PASSES,
                 nodes,
                 quiet,
@@ -90,11 +105,13 @@ def posterior(
                 best, alone[:] = first + k, same
         if members[best, WRONG] < _UNFIT:
             break
-        one[:-1] = best_one(_all_slopes(nodes, quiet, known, limits, diagonal_mm))
-        one[-1] = 0.5
+        one[:] = best_one(_all_slopes(nodes, quiet, known, limits, diagonal_mm))
     if members[best, EXCESS] > _EXPLAINED:
-        _fit_two(alone, nodes, quiet, known, limits, diagonal_mm, members[best], members[8:11])
-    _fit_tilted(start, nodes, quiet, known, limits, members[best, UNLIKELY], members[11])
+        two = _fit_two(alone, nodes, quiet, known, limits, diagonal_mm, members[best], members[_TWO:_OWN])
+        best = np.argmin(members[:, UNLIKELY])
+        if members[best, EXCESS] > _EXPLAINED:
+            _fit_own(alone, two, nodes, quiet, known, limits, diagonal_mm, members[_OWN:-1])
+    _fit_tilted(start, nodes, quiet, known, limits, members[:, UNLIKELY].min(), members[-1])
     return _together(members, known.rest_mm, _RANGES * range_mm)
 
 
@@ -112,7 +129,7 @@ def _possible(member: Float, found: float, law: float) -> bool:
 def _same_scale(numbers: Float, law: float) -> Float:
     """The same dents with another law."""
     out = numbers.copy()
-    out[-1] = law
+    out[LAW : dents_end(out) : NUMBERS] = law
     return out
 
 
@@ -140,27 +157,71 @@ def _fit_two(
     diagonal_mm: float,
     single: Float,
     members: Float,
-) -> None:
-    """Fit two dents of one law: one beside the one found alone, a bulge around it, or two found together."""
+) -> Float:
+    """Fit two dents of one law: one beside the one found alone, a bulge around it, or two found together.
+
+    Returns their numbers.
+    """
     best, wrong2 = single[UNLIKELY], max(single[WRONG] ** 2, _LEAST_WRONG2)
-    found = equations(alone, nodes, quiet, known, wrong2, np.ones((2, len(nodes.x))))
+    found = equations(alone, SET_LAWS, nodes, quiet, known, wrong2, np.ones((2, len(nodes.x))))
     beside = best_one(tried_dents(found.left, found.variance, nodes, quiet, known, limits, diagonal_mm))
-    law = np.full(1, alone[-1] if alone[-1] >= 0.0 else 0.3)
-    starts = np.empty((3, 2 * NUMBERS + 1))
-    starts[0] = np.concatenate((alone[:-1], beside, law))
-    starts[1] = np.concatenate((alone[:-1], alone[:-1], law))
+    law = alone[LAW] if alone[LAW] >= 0.0 else 0.3
+    starts = np.empty((3, 2 * NUMBERS))
+    starts[0] = np.concatenate((alone, beside))
+    starts[1] = np.concatenate((alone, alone))
+    starts[:2, LAW::NUMBERS] = law
     starts[1, 0], starts[1, NUMBERS] = 1.15 * alone[0], -0.15 * alone[0]
-    starts[1, NUMBERS + 3 : 2 * NUMBERS] *= 0.5
+    starts[1, NUMBERS + 3 : NUMBERS + LAW] *= 0.5
     starts[2] = best_two(_all_slopes(nodes, quiet, known, limits, diagonal_mm))
     for k, passes in enumerate((SHORT, SHORT, 2 * SHORT)):
-        fit(starts[k], True, passes, nodes, quiet, known, limits, best, members[k])
+        fit(starts[k], ONE_LAW, passes, nodes, quiet, known, limits, best, members[k])
     two = starts[np.argmin(members[:, UNLIKELY])]
-    fit(two, True, _PASSES, nodes, quiet, known, limits, best, members[0])
+    fit(two, ONE_LAW, _PASSES, nodes, quiet, known, limits, best, members[0])
     for k, of_law in ((1, 1.0), (2, 0.0)):
         members[k, UNLIKELY] = np.inf
-        if _possible(members[0], two[-1], of_law):
+        if _possible(members[0], two[LAW], of_law):
             same = _same_scale(two, of_law)
-            fit(same, False, _PASSES, nodes, quiet, known, limits, best, members[k])
+            fit(same, SET_LAWS, _PASSES, nodes, quiet, known, limits, best, members[k])
+    return two
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _fit_own(
+    alone: Float,
+    two: Float,
+    nodes: Nodes,
+    quiet: Nodes,
+    known: Known,
+    limits: Float,
+    diagonal_mm: float,
+    members: Float,
+) -> None:
+    """Fit two dents, each with its own law, and more while what is left asks for it.
+
+    alone: numbers of a dent found alone; two: of two with one law.
+    """
+    close = limits.copy()
+    for axis, at in ((0, nodes.x), (1, nodes.y)):
+        beyond = _SEEN_BEYOND * (at.max() - at.min())
+        close[axis] = at.min() - beyond, at.max() + beyond
+    dents, found = two, np.empty((2, COLUMNS))
+    for k in range(len(members)):
+        first = alone if k == 0 else dents
+        wrong2 = max(members[max(k - 1, 0), WRONG] ** 2, _LEAST_WRONG2) if k else _ROUGHLY2
+        left = equations(first, SET_LAWS, nodes, quiet, known, wrong2, np.ones((2, len(nodes.x))))
+        starts = np.empty((2, len(first) + NUMBERS))
+        for one, region in ((0, limits), (1, close)):
+            tried = tried_dents(left.left, left.variance, nodes, quiet, known, region, diagonal_mm)
+            starts[one] = np.concatenate((first, best_one(tried)))
+        if k == 0:
+            starts[0] = two
+        starts[:, LAW::NUMBERS] = np.maximum(starts[:, LAW::NUMBERS], 0.0)
+        for one in range(2):
+            fit(starts[one], OWN_LAWS, SHORT, nodes, quiet, known, limits, np.inf, found[one])
+        dents = starts[np.argmin(found[:, UNLIKELY])].copy()
+        fit(dents, OWN_LAWS, _PASSES, nodes, quiet, known, limits, np.inf, members[k])
+        if members[k, EXCESS] < _EXPLAINED:
+            break
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -171,8 +232,8 @@ def _fit_tilted(
 
     Then depth is off by the tilt, which goes into the variance.
     """
-    tilted = np.concatenate((start, np.zeros(2), np.full(1, 0.5)))
-    fit(tilted, True, _PASSES, nodes, quiet, known, limits, best, member)
+    tilted = np.concatenate((start, np.zeros(2)))
+    fit(tilted, ONE_LAW, _PASSES, nodes, quiet, known, limits, best, member)
     off_mm = tilted[NUMBERS] * (nodes.x - known.share @ quiet.x)
     off_mm += tilted[NUMBERS + 1] * (nodes.y - known.share @ quiet.y)
     member[VARIANCE] += np.mean(off_mm**2)
@@ -182,7 +243,7 @@ def _fit_tilted(
 def _all_slopes(nodes: Nodes, quiet: Nodes, known: Known, limits: Float, diagonal_mm: float) -> Tried:
     """Dents tried for the slopes as they were read."""
     none = np.array([0.0, nodes.x[0], nodes.y[0], 1.0 / diagonal_mm, 0.0, 1.0 / diagonal_mm, 0.5])
-    found = equations(none, nodes, quiet, known, _ROUGHLY2, np.ones((2, len(nodes.x))))
+    found = equations(none, SET_LAWS, nodes, quiet, known, _ROUGHLY2, np.ones((2, len(nodes.x))))
     return tried_dents(found.left, found.variance, nodes, quiet, known, limits, diagonal_mm)
 
 
