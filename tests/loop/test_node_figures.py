@@ -18,14 +18,14 @@ def rests(away):
     return at_rest(away[..., None] + noise, np.zeros((*SHAPE, 2)), *known, 4, 3.0, WITHIN)
 
 
-@pytest.mark.parametrize("top, left", [(5, 7), (8, 8), (21, 34), (36, 56)])
+@pytest.mark.parametrize(("top", "left"), [(5, 7), (8, 8), (21, 34), (36, 56)])
 def test_dirt_four_nodes_across_is_not_a_press_wherever_it_lies(top, left):
     spot = np.zeros(SHAPE)
     spot[top : top + 4, left : left + 4] = 1.0
     assert rests(spot)
 
 
-@pytest.mark.parametrize("row, column", [(19.5, 31.5), (21.0, 29.0), (35.0, 57.0)])
+@pytest.mark.parametrize(("row", "column"), [(19.5, 31.5), (21.0, 29.0), (35.0, 57.0)])
 def test_a_press_three_nodes_wide_is_none_wherever_it_lies(row, column):
     # its sigma; within 1.2 sigma, 40 nodes, it is above half of its largest, ten times the limit
     assert not rests(np.exp(-((ROW - row) ** 2 + (COL - column) ** 2) / (2 * 3.0**2)))

@@ -70,7 +70,9 @@ def test_the_first_frame_at_rest_is_without_dirt_too_and_less_is_known_by_it():
     pressed = uneven.levelled(warp(2, 1.0), State.NULLING, None)
     off = (pressed.q - REST - SLOW - 1.0)[disturbed]
     assert np.sqrt(np.mean(off**2)) == pytest.approx(2**0.5 * SIGMA, rel=0.4)
-    assert (pressed.sigma[disturbed] > learned().levelled(warp(2, 1.0), State.NULLING, None).sigma[disturbed]).all()
+    assert (
+        pressed.sigma[disturbed] > learned().levelled(warp(2, 1.0), State.NULLING, None).sigma[disturbed]
+    ).all()
 
 
 def test_a_new_zero_is_learned_again():

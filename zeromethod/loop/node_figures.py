@@ -34,9 +34,9 @@ def at_rest(
 ) -> bool:
     """Whether displacements, LCD px, are noise: in every block, without the largest quarter of its nodes.
 
-    That leaves out dirt, which moves fewer nodes than a press of rubber does. A block, 2 `half` nodes on a side
-    and `half` from the next, is off where the root of its mean square per component is above so many sigmas and
-    `within`.
+    That leaves out dirt, which moves fewer nodes than a press of rubber does. A block, 2 `half` nodes on a
+    side and `half` from the next, is off where the root of its mean square per component is above so many
+    sigmas and `within`.
     """
     rows, cols = valid.shape
     parts = np.zeros((2, -(-rows // half), -(-cols // half)))
@@ -61,7 +61,7 @@ def at_rest(
 
 @numba.njit(cache=True)
 def _without_largest(away: Float, valid: Mask) -> float:
-    """Mean square per component of displacements (rows, cols, 2) of valid nodes, without the largest quarter."""
+    """Mean square per component of displacements (rows, cols, 2) of valid nodes, least three quarters."""
     squares, nodes = np.empty(valid.size), 0
     for j in range(valid.shape[0]):
         for i in range(valid.shape[1]):

@@ -87,4 +87,6 @@ class UnevenRest:
         near = maximum_filter(uneven, 3)
         self._off = np.where(near[..., None], off, 0.0)
         largest = maximum_filter(np.abs(self._off).max(axis=-1), 3)
-        self._open = np.where(near[..., None], np.hypot(_OPEN * largest[..., None], sigma), _OPEN * largest[..., None])
+        self._open = np.where(
+            near[..., None], np.hypot(_OPEN * largest[..., None], sigma), _OPEN * largest[..., None]
+        )

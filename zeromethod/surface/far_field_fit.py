@@ -10,6 +10,7 @@ from zeromethod.surface.far_field_laws import (
     LAW,
     NUMBERS,
     ONE_LAW,
+    OWN_LAWS,
     SET_LAWS,
     Equations,
     Known,
@@ -87,16 +88,18 @@ def _free(k: int, laws: int) -> bool:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _expect(numbers: Float, strength: float, laws: int, found: Equations) -> float:
+def _expect(numbers: Float, strength: float, laws: int, found: Equations, ends: float = 0.0) -> float:
     """Add to the equations what is expected of dents and of laws that are fitted; squares of that.
 
-    A law that its end stops is as one that is not fitted.
+    A law that its end stops is as one that is not fitted; or as near its end as it must be, if the equations
+    times `ends` are the logarithm of likelihood.
     """
     normal, right = found.normal, found.right
     for k in range(0, dents_end(numbers), NUMBERS):
         law = k + LAW
-        if _free(k, laws) and 0.0 < numbers[law] + np.sign(right[law]) * 1e-9 < 1.0:
-            normal[law, law] += strength / _LAW**2
+        inside = 0.0 < numbers[law] + np.sign(right[law]) * 1e-9 < 1.0
+        if _free(k, laws) and (inside or ends > 0.0):
+            normal[law, law] += strength / _LAW**2 + (0.0 if inside else ends * right[law] ** 2)
         else:
             normal[law], normal[:, law], right[law], normal[law, law] = 0.0, 0.0, 0.0, 1.0
             found.of_border[law] = 0.0
@@ -217,7 +220,16 @@ def _judge(
         without = found.left[0, i] ** 2 / nodes.variance_x[i] + found.left[1, i] ** 2 / nodes.variance_y[i]
         excess += 0.5 * known.weight[i] * (without + np.log(of_x * of_y))
     independent, constant = pieces(noise / total), known.rest_mm - found.border_mm
-    _expect(numbers, total / independent - total / _PIECES, laws, found)
+    out[COUNT] = len(numbers)
+    for k in range(0, dents_end(numbers), NUMBERS):
+        # one of several that its end stops needs no more than one that is not fitted
+        stops = laws == OWN_LAWS and found.normal[k + LAW, k] == 0.0
+        out[COUNT] -= 0.0 if _free(k, laws) and not stops else 1.0
+    if laws == OWN_LAWS:
+        found = equations(numbers, laws, nodes, quiet, known, wrong2, found.variance)
+        _expect(numbers, total / independent, laws, found, independent / total)
+    else:
+        _expect(numbers, total / independent - total / _PIECES, laws, found)
     solved, moved = _solve(found.normal, found.of_border, 1e-9)
     variance = (found.of_border @ moved) * total / independent * max(found.misfit / total, 1.0)
     if laws != SET_LAWS and found.normal[LAW, 0] != 0.0:
@@ -232,9 +244,7 @@ def _judge(
     slower2 = max(implied2, _slowest2(numbers, quiet, known))
     out[VARIANCE] = variance + wrong2 * (implied2 + doubt * doubt * slower2) if solved else np.inf
     out[EXCESS] = excess - 0.5 * found.misfit if wrong2 > _LEAST_WRONG2 else 0.0
-    out[WRONG], out[NOISE], out[COUNT] = np.sqrt(wrong2), noise / total, len(numbers)
-    for k in range(0, dents_end(numbers), NUMBERS):
-        out[COUNT] -= 0.0 if _free(k, laws) else 1.0
+    out[WRONG], out[NOISE] = np.sqrt(wrong2), noise / total
 
 
 @numba.njit(cache=True, error_model="numpy")

@@ -61,12 +61,19 @@ _RANGES, _MOST_RANGES = 1.0, 3.0
 that says more is doubted by as much as it says more. Such a dent moves what is seen hardly more than the
 multiple of the scale that cannot be seen."""
 
+_UNLIKE = 0.02
+"""Error of one law from which dents may have laws of their own."""
+
+_WORTH = 0.05
+"""Share of what is left that a further dent must explain to be tried, and logarithm of likelihood for each
+slope that it must gain for one more."""
+
 _SEEN_BEYOND = 0.15
 """Way beyond the view, over its extent, up to which a further dent is looked for closely."""
 
-_TWO, _OWN, _MOST, _MEMBERS = 8, 11, 4, 15
-"""Four of one dent, as many from another start, three of two with one law; from two dents to so many, each with
-its own law; and last one on a mirror that is tilted."""
+_TWO, _OWN, _MEMBERS = 8, 11, 15
+"""Four of one dent, as many from another start, three of two with one law; two to four
+dents, each with its own law; and last one on a mirror that is tilted."""
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -105,11 +112,11 @@ def posterior(
                 best, alone[:] = first + k, same
         if members[best, WRONG] < _UNFIT:
             break
-        one[:] = best_one(_all_slopes(nodes, quiet, known, limits, diagonal_mm))
+        one[:] = best_one(_all_slopes(nodes, quiet, known, limits, diagonal_mm))[1]
     if members[best, EXCESS] > _EXPLAINED:
         two = _fit_two(alone, nodes, quiet, known, limits, diagonal_mm, members[best], members[_TWO:_OWN])
-        best = np.argmin(members[:, UNLIKELY])
-        if members[best, EXCESS] > _EXPLAINED:
+        best = int(np.argmin(members[:, UNLIKELY]))
+        if members[best, EXCESS] > _EXPLAINED and members[best, WRONG] > _UNLIKE:
             _fit_own(alone, two, nodes, quiet, known, limits, diagonal_mm, members[_OWN:-1])
     _fit_tilted(start, nodes, quiet, known, limits, members[:, UNLIKELY].min(), members[-1])
     return _together(members, known.rest_mm, _RANGES * range_mm)
@@ -164,7 +171,7 @@ def _fit_two(
     """
     best, wrong2 = single[UNLIKELY], max(single[WRONG] ** 2, _LEAST_WRONG2)
     found = equations(alone, SET_LAWS, nodes, quiet, known, wrong2, np.ones((2, len(nodes.x))))
-    beside = best_one(tried_dents(found.left, found.variance, nodes, quiet, known, limits, diagonal_mm))
+    beside = best_one(tried_dents(found.left, found.variance, nodes, quiet, known, limits, diagonal_mm))[1]
     law = alone[LAW] if alone[LAW] >= 0.0 else 0.3
     starts = np.empty((3, 2 * NUMBERS))
     starts[0] = np.concatenate((alone, beside))
@@ -175,7 +182,7 @@ def _fit_two(
     starts[2] = best_two(_all_slopes(nodes, quiet, known, limits, diagonal_mm))
     for k, passes in enumerate((SHORT, SHORT, 2 * SHORT)):
         fit(starts[k], ONE_LAW, passes, nodes, quiet, known, limits, best, members[k])
-    two = starts[np.argmin(members[:, UNLIKELY])]
+    two: Float = starts[np.argmin(members[:, UNLIKELY])]
     fit(two, ONE_LAW, _PASSES, nodes, quiet, known, limits, best, members[0])
     for k, of_law in ((1, 1.0), (2, 0.0)):
         members[k, UNLIKELY] = np.inf
@@ -200,28 +207,44 @@ def _fit_own(
 
     alone: numbers of a dent found alone; two: of two with one law.
     """
-    close = limits.copy()
+    start, dents = np.empty((2, COLUMNS)), two.copy()
+    worth, beside = _further(alone, _ROUGHLY2, nodes, quiet, known, limits, diagonal_mm)
+    if worth > _WORTH:
+        fit(dents, OWN_LAWS, SHORT, nodes, quiet, known, limits, np.inf, start[0])
+        fit(beside, OWN_LAWS, SHORT, nodes, quiet, known, limits, np.inf, start[1])
+        dents = beside if start[1, UNLIKELY] < start[0, UNLIKELY] else dents
+    before = np.inf
+    for k in range(len(members)):
+        fit(dents, OWN_LAWS, _PASSES, nodes, quiet, known, limits, np.inf, members[k])
+        if members[k, EXCESS] < _EXPLAINED or members[k, UNLIKELY] > before - _WORTH:
+            break
+        before, wrong2 = members[k, UNLIKELY], max(members[k, WRONG] ** 2, _LEAST_WRONG2)
+        worth, dents = _further(dents, wrong2, nodes, quiet, known, limits, diagonal_mm)
+        if worth < _WORTH:
+            break
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _further(
+    dents: Float, wrong2: float, nodes: Nodes, quiet: Nodes, known: Known, limits: Float, diagonal_mm: float
+) -> tuple[float, Float]:
+    """Share that one more dent explains of what some leave, and the numbers of all; none is a layer's.
+
+    wrong2: square of the law's error. It is looked for everywhere, and closely about the view.
+    """
+    left = equations(dents, SET_LAWS, nodes, quiet, known, wrong2, np.ones((2, len(nodes.x))))
+    close, most, found = limits.copy(), 0.0, np.zeros(NUMBERS)
     for axis, at in ((0, nodes.x), (1, nodes.y)):
         beyond = _SEEN_BEYOND * (at.max() - at.min())
         close[axis] = at.min() - beyond, at.max() + beyond
-    dents, found = two, np.empty((2, COLUMNS))
-    for k in range(len(members)):
-        first = alone if k == 0 else dents
-        wrong2 = max(members[max(k - 1, 0), WRONG] ** 2, _LEAST_WRONG2) if k else _ROUGHLY2
-        left = equations(first, SET_LAWS, nodes, quiet, known, wrong2, np.ones((2, len(nodes.x))))
-        starts = np.empty((2, len(first) + NUMBERS))
-        for one, region in ((0, limits), (1, close)):
-            tried = tried_dents(left.left, left.variance, nodes, quiet, known, region, diagonal_mm)
-            starts[one] = np.concatenate((first, best_one(tried)))
-        if k == 0:
-            starts[0] = two
-        starts[:, LAW::NUMBERS] = np.maximum(starts[:, LAW::NUMBERS], 0.0)
-        for one in range(2):
-            fit(starts[one], OWN_LAWS, SHORT, nodes, quiet, known, limits, np.inf, found[one])
-        dents = starts[np.argmin(found[:, UNLIKELY])].copy()
-        fit(dents, OWN_LAWS, _PASSES, nodes, quiet, known, limits, np.inf, members[k])
-        if members[k, EXCESS] < _EXPLAINED:
-            break
+    for region in (limits, close):
+        tried = tried_dents(left.left, left.variance, nodes, quiet, known, region, diagonal_mm)
+        share, one = best_one(tried)
+        if share > most:
+            most, found = share, one
+    out = np.concatenate((dents, found))
+    out[LAW::NUMBERS] = np.maximum(out[LAW::NUMBERS], 0.0)
+    return most, out
 
 
 @numba.njit(cache=True, error_model="numpy")

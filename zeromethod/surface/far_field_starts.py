@@ -84,8 +84,8 @@ def _along(tried: Tried) -> Float:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def best_one(tried: Tried) -> Float:
-    """Numbers (7,) of the dent that alone explains the slopes best; of depth 0 where none does."""
+def best_one(tried: Tried) -> tuple[float, Float]:
+    """Share of the slopes' squares that the best dent explains, and its numbers (7,); depth 0 for none."""
     along, best, out = _along(tried), 0.0, np.zeros(NUMBERS)
     for one in range(len(along)):
         square = _product(tried.slopes[one], tried.slopes[one])
@@ -93,7 +93,7 @@ def best_one(tried: Tried) -> Float:
         if along[one] * depth_mm > best and abs(depth_mm) < tried.deepest_mm:
             best = along[one] * depth_mm
             _fill(out, depth_mm, tried.about[one])
-    return out
+    return best / max(_product(tried.left, tried.left), 1e-300), out
 
 
 @numba.njit(cache=True, error_model="numpy")
