@@ -22,8 +22,8 @@ LOST_SHARE = 0.6
 DARKER_SHARE = 0.6
 """Share of the picture's mean light below which flat light may be an object's. A white one scatters 0.3 of
 it; a picture that is lost in a fold, or finer than the LCD, keeps the mean."""
-SEED_PX = 40
-"""Flat pixels in one piece from which on a region is looked at."""
+SEED_PX = 6
+"""Flat pixels in one piece from which on a region is looked at: a flat one has all 7 x 7 around it of one level."""
 _NOISES = 2.0
 """Deviation, in those of the camera, up to which a place counts as flat."""
 _SHADOW_SHARE = 0.03

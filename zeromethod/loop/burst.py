@@ -44,6 +44,13 @@ is over; and time after which it is read again: a picture that follows it may hi
 CARRIED = 3.0
 """What the nodes inside may have moved by over what those around have."""
 
+BENT_LCD_PX = 2.0
+"""Difference of where nodes next to each other look, from rest, below which the mirror is too flat there to fold:
+what cannot be nulled then has dirt before it. A fold displaces each node by as much as its distance from the next."""
+
+DIRTY_FRAMES = 4
+"""Frames in which a node failed where the mirror is flat after which it is never one to be read."""
+
 LIT_SHARE = 0.3
 """Mean light over that at rest from which a node sees the LCD at all."""
 
@@ -61,6 +68,8 @@ HELD_LCD_PX = 0.03
 
 _ALL = 0.999
 """Share of the nodes around a pixel, by nearness, that must have been known for it to be."""
+
+_FAR = 1e6
 
 _PURE = 5e-3
 """Most light of another picture in an exposure that saw one alone."""
@@ -173,6 +182,7 @@ class Burst:
         self._failing: Bytes = np.zeros(rest.q.shape[:2], np.uint8)
         self._light: Single | None = None
         self._blank: Mask = np.zeros_like(rest.visible)
+        self._dirty: Bytes = np.zeros(rest.q.shape[:2], np.uint8)
         self._quiet = 0
         self._running: _Running | None = None
         self._blinding: _Running | None = None
@@ -196,6 +206,7 @@ class Burst:
         """Take the light at rest from a residual, and which nodes fail even then."""
         self._light = residual.mean.copy()
         self._blank = residual.flags != 0
+        self._dirty[:] = 0
 
     def presented(self, time_ns: int, coded: int | None) -> None:
         """Note the number of the coded picture presented at a time, None for none."""
@@ -235,6 +246,11 @@ class Burst:
     def _needed(self, residual: Residual, measured: Warp, thought: Float) -> bool:
         """Begin a burst where one is needed, and may be."""
         failing = self._fail(residual, measured.flags)
+        if failing is not None:
+            dirty = self._flat(failing, measured)
+            failing &= ~dirty
+            self._dirty += dirty
+            self._blank |= self._dirty >= DIRTY_FRAMES
         if failing is None:
             self._quiet, self.unread = min(self._quiet, 0), False
             return False
@@ -277,6 +293,18 @@ class Burst:
         touched = np.bincount(patches[dark], minlength=count) > 0
         alone: Mask = failing & ~touched[patches]
         return alone
+
+    def _flat(self, nodes: Mask, measured: Warp) -> Mask:
+        """Those of some nodes around which the mirror is as flat as at rest; no other nodes are known: not so."""
+        if not nodes.any():
+            return nodes
+        side = np.ones((2 * REACH_NODES + 1, 2 * REACH_NODES + 1), np.uint8)
+        away = (measured.q - self._rest.q).astype(np.float32)
+        valid = measured.valid[..., None]
+        most = cv2.dilate(np.where(valid, away, np.float32(-_FAR)), side)
+        least = cv2.erode(np.where(valid, away, np.float32(_FAR)), side)
+        bent = (most - least).max(axis=-1)
+        return np.asarray(nodes & (bent >= 0) & (bent < BENT_LCD_PX))
 
     def _at_rest(self, measured: Warp, thought: Float, apart: Mask) -> bool:
         """Whether nodes other than these stay where they were."""
