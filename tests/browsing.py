@@ -12,9 +12,20 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from small_rigs import BENCH_320, small_rig_file
 
 CHROMIUM = next((path for name in ("chromium", "google-chrome") if (path := shutil.which(name))), None)
 START_S = 120.0
+
+CALM_CAMERA = """
+import time
+from zeromethod.simulation.camera import SimulatedCamera
+
+class CalmCamera(SimulatedCamera):
+    def read(self, timeout_s):
+        time.sleep(0.04)
+        return super().read(timeout_s)
+"""
 
 needs_browser = pytest.mark.skipif(
     CHROMIUM is None, reason="no chromium is installed: sh tools/system-packages.sh test installs it"
@@ -48,6 +59,12 @@ class Served:
     @property
     def control_port(self) -> int:
         return int(self.urls["control"].split()[0].rpartition(":")[2])
+
+
+def calm_rig_file(folder: Path) -> Path:
+    """A small bench with some 20 frames a second, in simulated time: else it takes all that a core has."""
+    (folder / "calm.py").write_text(CALM_CAMERA)
+    return small_rig_file(folder / "small.toml", BENCH_320 | {"camera.driver": "calm:CalmCamera"})
 
 
 @contextmanager

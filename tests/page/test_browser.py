@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from browsing import Served, browser, needs_browser, served, tab
-from small_rigs import small_rig_file
+from browsing import Served, browser, calm_rig_file, needs_browser, served, tab
 
 from zeromethod import open_recording
 from zeromethod.operating.run_table import METHODS, RUN
@@ -24,7 +23,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def run(folder: Path) -> Iterator[Served]:
-    rig = small_rig_file(folder / "small.toml")
+    rig = calm_rig_file(folder)
     words = ("--scenario", "hold", "--seconds", "900", "--view", "127.0.0.1:0", "--record", "run.h5")
     with served("run", "--rig", rig, *words, "--keep", "none", cwd=folder, wanted=2) as one:
         yield one
@@ -152,7 +151,7 @@ def test_every_control_acts_and_is_in_the_recording(page, folder):
         ("target", {"contrast": 0.75}, "done"),
         ("mark", {"note": "weight on"}, "done"),
         ("snapshot", {"note": ""}, "done"),
-        ("exposure", {"value": 5}, "refused: exposure: SimulatedCamera cannot change it during a run: end it "
+        ("exposure", {"value": 5}, "refused: exposure: CalmCamera cannot change it during a run: end it "
          "and give --exposure"),
     ]  # fmt: skip
     assert recorded(folder / "second.h5")[0] == (
@@ -198,16 +197,13 @@ def test_a_second_viewer_may_only_look_and_a_reload_comes_back(page, chromium, r
     assert page.evaluate("document.getElementById('events').children.length") > 0
 
 
-def test_a_page_whose_run_is_over_says_so_and_shows_nothing_as_live(chromium, folder):
-    rig = folder / "small.toml"
-    words = ("--scenario", "hold", "--seconds", "900", "--view", "127.0.0.1:0")
-    with served("run", "--rig", rig, *words, cwd=folder, wanted=2) as one:
-        opened = chromium.new_page()
-        opened.goto(one.urls["view"])
-        until(opened, "zeromethod.values.state === 'locked'")
-        opened.keyboard.press("q")
-        opened.click("#ask button[value='yes']")
-        until(opened, "document.body.classList.contains('stale')")
-        assert "the run is over" in opened.inner_text("#banner")
-        opened.close()
-        assert one.process.wait(60) == 0
+def test_a_page_whose_run_is_over_says_so_and_shows_nothing_as_live(chromium, run):
+    opened = chromium.new_page()
+    opened.goto(run.urls["view"])
+    until(opened, "zeromethod.values.state === 'locked'")
+    opened.keyboard.press("q")
+    opened.click("#ask button[value='yes']")
+    until(opened, "document.body.classList.contains('stale')")
+    assert "the run is over" in opened.inner_text("#banner")
+    opened.close()
+    assert run.process.wait(60) == 0

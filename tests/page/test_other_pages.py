@@ -13,7 +13,7 @@ from browsing import Served, browser, needs_browser, served, tab
 from commands import assert_refused
 from commands import typed as entered
 from recorded_run import recorded
-from small_rigs import small_rig_file
+from small_rigs import BENCH_160, small_rig_file
 
 from zeromethod import open_recording
 from zeromethod.cli.replay import replay_command
@@ -169,7 +169,7 @@ def test_what_a_page_cannot_show_is_refused(recording, options, words):
 
 
 def test_setting_up_by_eye_shows_advice_figures_and_the_picture(tmp_path):
-    rig = small_rig_file(tmp_path / "small.toml")
+    rig = small_rig_file(tmp_path / "small.toml", BENCH_160)
     words = ("--focus", "--rig", rig, "--seconds", "600", "--view", "127.0.0.1:0")
     with served("devices", *words, cwd=tmp_path, wanted=2) as one:
         values = until(one, step_name="Set up by eye")
@@ -181,7 +181,7 @@ def test_setting_up_by_eye_shows_advice_figures_and_the_picture(tmp_path):
 
 
 def test_a_calibration_says_its_step_and_what_to_do_and_can_be_ended(tmp_path):
-    rig = small_rig_file(tmp_path / "small.toml")
+    rig = small_rig_file(tmp_path / "small.toml", BENCH_160)
     words = ("--rig", rig, "--press-depths", "0.2,0.15", "--view", "127.0.0.1:0")
     with served("calibrate", *words, cwd=tmp_path, wanted=2) as one:
         values = until(one, step_name="rest map")

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from scipy.interpolate import BSpline
 from scipy.ndimage import spline_filter
 
 from zeromethod.arrays import Float, Image
@@ -33,8 +32,8 @@ _GAIN = 0.3, 3.0
 _LIKE = 0.8
 """Brightness and correlation against the reference outside of which something covers the mark."""
 
-_SPLINE = BSpline.basis_element(np.arange(-3.0, 4.0), extrapolate=False)
-_SLOPE = _SPLINE.derivative()
+_POWERS = np.array([1, -6, 15, -20, 15, -6, 1]) / 120
+"""Of the quintic basis spline: sum of these times (x + 3 - k)^5 where that is positive."""
 
 
 def _taper() -> Float:
@@ -51,13 +50,18 @@ _AXIS = np.arange(-MARK_HALF_PX, MARK_HALF_PX + 1) / MARK_HALF_PX
 _PLANE = np.stack([np.ones(_SIDE**2), np.tile(_AXIS, _SIDE), np.repeat(_AXIS, _SIDE)], axis=-1)
 
 
+def _quintic(x: Float) -> tuple[Float, Float]:
+    """The quintic basis spline and its slope at x (n,); its knots are -3, -2, ... 3."""
+    reach = np.maximum(x[:, None] + 3.0 - np.arange(7), 0.0)
+    return reach**5 @ _POWERS, 5.0 * reach**4 @ _POWERS
+
+
 def _shifted(spline: Float, u_px: float, v_px: float) -> list[Float]:
     """Picture shifted by less than a pixel, and its slopes along u and v, each (pixels,)."""
     at = np.arange(-3.0, 4.0)
-    value_u, value_v = (np.nan_to_num(_SPLINE(at + by)) for by in (u_px, v_px))
+    (value_u, value_v), (slope_u, slope_v) = zip(*(_quintic(at + by) for by in (u_px, v_px)), strict=True)
     # filters run backwards through the spline, whose slope is odd
-    slope_u, slope_v = (-np.nan_to_num(_SLOPE(at + by)) for by in (u_px, v_px))
-    pairs = (value_u, value_v), (slope_u, value_v), (value_u, slope_v)
+    pairs = (value_u, value_v), (-slope_u, value_v), (value_u, -slope_v)
     return [np.asarray(cv2.sepFilter2D(spline, cv2.CV_64F, u, v), np.float64).ravel() for u, v in pairs]
 
 

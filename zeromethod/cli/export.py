@@ -51,6 +51,7 @@ from zeromethod.view.progress import progress
     metavar="MM",
     help="Pixels of a TIFF.  [default: the nodes' own distance]",
 )
+@click.option("--fine", is_flag=True, help="The fine surfaces of `run --fine`, of every pixel.")
 @summary_option
 def export_command(
     file: Path,
@@ -61,6 +62,7 @@ def export_command(
     every: int,
     at_s: float | None,
     pitch_mm: float | None,
+    fine: bool,
     summary: Path | None,
 ) -> None:
     """Write the recording FILE as OUT, by its suffix:
@@ -72,6 +74,8 @@ def export_command(
     .csv         the track of the peak, the point of largest |depth|
     .mcap        camera, depth image, point cloud, peak, state for robots (ROS 2 types)
     .mp4         a video of camera, residual and depth
+
+    With --fine: .npz, .tif, .ply, .stl and .csv of the surfaces of every pixel.
 
     Times are seconds since the recording's first step.
     """  # noqa: D301, D400 - click's own mark for lines that stay as they are
@@ -87,7 +91,7 @@ def export_command(
         # one line at the end says how much it was
         warnings.simplefilter("ignore", DamagedWarning)
         exports = [
-            prepare(recording, path, one, selection, pitch_mm)
+            prepare(recording, path, one, selection, pitch_mm, fine)
             for path, one in zip(outputs, forms, strict=True)
         ]
         found = [_write(export) for export in exports]

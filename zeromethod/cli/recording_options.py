@@ -63,7 +63,8 @@ recording_options = several(
         metavar="PART,...",
         default=",".join(KEEP),
         callback=parts_of,
-        help="With --record, next to the tables: frames, residual, warps, surface; or none.  [default: all]",
+        help="With --record, next to the tables: frames, residual, warps, surface, fine; or none.  "
+        "[default: all]",
     ),
     click.option(
         "--every",
@@ -109,8 +110,13 @@ class RecordingOptions:
                 if option in {"--keep", "--every", "--compress"}:
                     raise InputError(f"{option}: only with --record FILE.h5")
 
-    def maker(self, rig: Rig, calibration: Stored | None) -> Callable[[Loop], Recorder] | None:
-        """Make the recorder once there is a loop; None where none was asked for."""
+    def maker(
+        self, rig: Rig, calibration: Stored | None, fine: bool = False
+    ) -> Callable[[Loop], Recorder] | None:
+        """Make the recorder once there is a loop; None where none was asked for.
+
+        fine: of fine surfaces, too.
+        """
         path = self.recording
         if path is None:
             return None
@@ -132,6 +138,7 @@ class RecordingOptions:
                 live=loop.live,
                 gl_renderer=loop.gl_renderer,
                 calibration=document,
+                fine=fine,
             )
 
         return make

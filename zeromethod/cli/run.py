@@ -176,7 +176,7 @@ def run_command(
                 stated,
                 devices=opened,
                 publisher=publisher,
-                record=recording.maker(stated, stored),
+                record=recording.maker(stated, stored, fine),
                 fine=fine,
             ) as session,
             stopped_by_signals(session.interrupt),
@@ -189,7 +189,7 @@ def run_command(
                 page,
                 calibration="" if stored is None or simulate else stored.words,
                 folder=Path.cwd() if recording.recording is None else recording.recording.absolute().parent,
-                recorder=lambda path: replace(recording, recording=path).maker(stated, stored),
+                recorder=lambda path: replace(recording, recording=path).maker(stated, stored, fine),
             )
         recording.report(session.result.recording)
         _report(session.result, figure, summary)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from scipy.optimize import minimize
+import scipy
 
 from zeromethod.arrays import Float
 from zeromethod.contact.contact import Contact
@@ -96,5 +96,7 @@ def _refined(light: Float, at: Float, cycles: Float) -> Float:
         return -float(np.abs(np.sum(light * np.exp(-2j * np.pi * (at @ (cycles + off / size))))))
 
     simplex = np.array([[0.0, 0.0], [0.2, 0.0], [0.0, 0.2]])
-    found = minimize(lost, np.zeros(2), method="Nelder-Mead", options={"initial_simplex": simplex})
+    found = scipy.optimize.minimize(
+        lost, np.zeros(2), method="Nelder-Mead", options={"initial_simplex": simplex}
+    )
     return np.asarray(cycles + found.x / size)

@@ -13,6 +13,7 @@ from zeromethod.export.mcap import export_mcap
 from zeromethod.export.mesh import export_mesh
 from zeromethod.export.npz import export_npz
 from zeromethod.export.selection import SelectedSteps, Selection, needed, require
+from zeromethod.export.source import MapSource
 from zeromethod.export.tiff import export_tiff
 from zeromethod.export.track import export_track
 from zeromethod.recording.recording import Recording
@@ -50,6 +51,8 @@ _FORMATS = {
 }
 FORMATS = tuple(_FORMATS)
 MESHES = ("ply", "stl")
+FINE_FORMATS = ("npz", "tiff", "csv", *MESHES)
+"""Formats that have fine surfaces."""
 SUFFIXES = {suffix: form for form, one in _FORMATS.items() for suffix in one.suffixes}
 """Format by suffix."""
 
@@ -63,6 +66,7 @@ class Export:
     path: Path
     selected: SelectedSteps
     pitch_mm: float | None = None
+    fine: bool = False
 
     def write(self, advance: Callable[[], None] = lambda: None) -> dict[str, Any]:
         """Write the file, whole or not at all. Returns its figures, which depend on the format.
@@ -70,7 +74,8 @@ class Export:
         What is damaged in the recording is left out. advance: called once for every selected step. Raises
         MeasurementError where nothing was read that the file could hold, InputError where it is all damaged.
         """
-        own = {"pitch_mm": self.pitch_mm} if self.form == "tiff" else {}
+        own: dict[str, Any] = {"pitch_mm": self.pitch_mm} if self.form == "tiff" else {}
+        own |= {"fine": True} if self.fine else {}
         self.recording.leave_out_contrary_peaks(self.selected.steps)
         return _FORMATS[self.form].write(self.recording, self.selected, self.path, advance, **own)
 
@@ -89,21 +94,41 @@ def prepare(
     form: str | None = None,
     selection: Selection | None = None,
     pitch_mm: float | None = None,
+    fine: bool = False,
 ) -> Export:
     """Look whether a recording has what a file needs; `Export.write` then writes it.
 
-    form: one of `FORMATS`, by the suffix without. pitch_mm: of a TIFF's lattice. Raises InputError where it
+    form: one of `FORMATS`, by the suffix without. pitch_mm: of a TIFF's lattice. fine: the fine surfaces
+    instead of those at the nodes. Raises InputError where it
     has not, or has nothing in the time selected, and where a library of the extra `export` is missing.
     """
     form = form or form_of(path)
     chosen, selection = _FORMATS[form], selection or Selection()
     if chosen.library:
         needed(chosen.library)
+    if fine:
+        return _prepare_fine(recording, path, form, selection, pitch_mm)
     groups = [part for part in chosen.groups if part in recording.kept]
     parts = chosen.parts or (() if groups else chosen.groups)
     require(recording, parts, chosen.purpose or f"a .{form} file")
-    selected = selection.one(recording) if form in MESHES else selection.several(recording, groups)
+    one = form in MESHES
+    selected = selection.one(MapSource(recording)) if one else selection.several(recording, groups)
     return Export(recording, form, path, selected, pitch_mm)
+
+
+def _prepare_fine(
+    recording: Recording, path: Path, form: str, selection: Selection, pitch_mm: float | None
+) -> Export:
+    """`prepare` of fine surfaces."""
+    if form not in FINE_FORMATS:
+        raise InputError(f"--fine: .{form} has no fine surfaces: one of {', '.join(FINE_FORMATS)}")
+    require(recording, () if form == "csv" else ("fine",), f"a .{form} file of fine surfaces")
+    source = MapSource(recording, fine=True)
+    if form in MESHES:
+        selected = selection.one(source)
+    else:
+        selected = selection.several(recording, () if form == "csv" else (source.group,))
+    return Export(recording, form, path, selected, pitch_mm, fine=True)
 
 
 def export_recording(
@@ -116,6 +141,7 @@ def export_recording(
     every: int = 1,
     at_s: float | None = None,
     pitch_mm: float | None = None,
+    fine: bool = False,
 ) -> dict[str, Any]:
     """Write a recording as a file that other programs open.
 
@@ -135,6 +161,8 @@ def export_recording(
         Time of a mesh; by default where |depth| is largest while locked.
     pitch_mm : float, optional
         Pixels of a TIFF; by default the nodes' own distance.
+    fine : bool
+        Export the fine surfaces, of every pixel: as npz, tiff, ply, stl or csv.
 
     Returns
     -------
@@ -149,9 +177,17 @@ def export_recording(
     if not isinstance(recording, Recording):
         with Recording(recording) as opened:
             return export_recording(
-                opened, path, form=form, from_s=from_s, to_s=to_s, every=every, at_s=at_s, pitch_mm=pitch_mm
+                opened,
+                path,
+                form=form,
+                from_s=from_s,
+                to_s=to_s,
+                every=every,
+                at_s=at_s,
+                pitch_mm=pitch_mm,
+                fine=fine,
             )
     if form is not None and form not in FORMATS:
         raise InputError(f"form: {form!r}: allowed: {', '.join(FORMATS)}")
     selection = Selection(from_s, to_s, every, at_s)
-    return prepare(recording, Path(path), form, selection, pitch_mm).write()
+    return prepare(recording, Path(path), form, selection, pitch_mm, fine).write()

@@ -12,6 +12,8 @@ from zeromethod.arrays import Float, Ints, Mask
 from zeromethod.atomic_write import atomic_write
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.export.selection import SelectedSteps, needed
+from zeromethod.export.source import MapSource
+from zeromethod.fine.surface import FineSurface
 from zeromethod.optics.mirror import HeightField, rest_surface
 from zeromethod.recording.recording import Recording
 from zeromethod.surface import Surface
@@ -20,7 +22,13 @@ _HEADER = "zeromethod: mm; z = rest - depth out of the rubber, x along the mirro
 
 
 def export_mesh(
-    recording: Recording, selected: SelectedSteps, path: Path, advance: Callable[[], None], *, form: str
+    recording: Recording,
+    selected: SelectedSteps,
+    path: Path,
+    advance: Callable[[], None],
+    *,
+    form: str,
+    fine: bool = False,
 ) -> dict[str, Any]:
     """Write the surface of the one moment given; `form` is "ply" or "stl".
 
@@ -28,11 +36,11 @@ def export_mesh(
     MeasurementError where no three neighbouring nodes were read.
     """
     trimesh = needed("trimesh")
-    if recording.is_damaged("surface", int(selected.steps[0])):
+    source = MapSource(recording, fine)
+    if recording.is_damaged(source.group, int(selected.steps[0])):
         at_s = f"{selected.time_s[0]:.3f} s"
         raise InputError(f"{recording.path}: the surface at {at_s} is damaged: give another time (--at)")
-    surface = recording.surface(selected.steps[0])
-    assert surface is not None
+    surface = source.read(int(selected.steps[0]))
     vertices, faces, nodes = _triangles(recording, surface)
     if not len(faces):
         raise MeasurementError(f"at {selected.time_s[0]:.3f} s no part of the surface was read")
@@ -58,7 +66,7 @@ def export_mesh(
     }
 
 
-def surface_points(surface: Surface, rest: HeightField) -> Float:
+def surface_points(surface: Surface | FineSurface, rest: HeightField) -> Float:
     """World points (rows, cols, 3) in mm of every node; z NaN where not valid.
 
     Convention: origin P0, x along the mirror, z = h_rest(x, y) - depth out of the rubber.
@@ -68,7 +76,7 @@ def surface_points(surface: Surface, rest: HeightField) -> Float:
     return np.stack([x, y, z], axis=-1)
 
 
-def _triangles(recording: Recording, surface: Surface) -> tuple[Float, Ints, Mask]:
+def _triangles(recording: Recording, surface: Surface | FineSurface) -> tuple[Float, Ints, Mask]:
     """Vertices (n, 3), faces (m, 3) counter-clockwise from outside, and the mask of the vertices' nodes."""
     points = surface_points(surface, rest_surface(recording.rig))
     known = np.asarray(np.isfinite(points).all(axis=-1))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import tempfile
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import IO, Any
@@ -15,7 +15,9 @@ import numpy as np
 from zeromethod.atomic_write import atomic_write
 from zeromethod.export.contact_nodes import contact_ids, contact_images
 from zeromethod.export.selection import SelectedSteps
+from zeromethod.export.source import MapSource
 from zeromethod.recording.recording import Recording
+from zeromethod.surface import Surface
 
 _BLOCK = 1 << 22
 
@@ -33,6 +35,13 @@ _MAPS = {
     "contact_id": ("<i4", "1", "contact within whose border the node lies, by its id; 0 for none"),
 }
 """Type, unit and meaning of every map, (times, rows, columns[, 2])."""
+
+_FINE_MAPS = {
+    name: entry
+    for name, entry in _MAPS.items()
+    if name not in {"sigma_x_mm", "sigma_y_mm", "contact", "contact_id"}
+} | {"share": ("<f4", "1", "1: read pixel by pixel; 0: interpolated between nodes, as the mirror moved")}
+"""The same of maps of every pixel."""
 
 _REST = {
     "time_s": ("s", "mid-exposure, since the recording's first step"),
@@ -55,25 +64,32 @@ _REST = {
 
 
 def export_npz(
-    recording: Recording, selected: SelectedSteps, path: Path, advance: Callable[[], None]
+    recording: Recording,
+    selected: SelectedSteps,
+    path: Path,
+    advance: Callable[[], None],
+    *,
+    fine: bool = False,
 ) -> dict[str, Any]:
-    """Write the maps of every moment; one of them at a time is in memory.
+    """Write the maps of every moment; one of them at a time is in memory. fine: those of every pixel.
 
     Returns what was written: times, and rows and columns of the maps.
     """
-    inner = recording.grid.inner
-    v_px, u_px = recording.grid.v_px[inner[0]], recording.grid.u_px[inner[1]]
+    source = MapSource(recording, fine)
+    inner, maps = source.inner, _FINE_MAPS if fine else _MAPS
+    v_px, u_px = source.camera_px
     with ExitStack() as opened:
         part = opened.enter_context(atomic_write(path))
         scratch = {
-            name: opened.enter_context(tempfile.TemporaryFile(dir=path.absolute().parent)) for name in _MAPS
+            name: opened.enter_context(tempfile.TemporaryFile(dir=path.absolute().parent)) for name in maps
         }
-        for step in selected.steps:
-            surface = recording.surface(step)
-            assert surface is not None
+        for step in selected.steps.tolist():
+            surface = source.read(step)
             contacts = recording.contacts
-            own = {"contact_id": contact_ids(surface, contacts[contacts["step"] == step])}
-            for name, (dtype, _, _) in _MAPS.items():
+            own = {}
+            if isinstance(surface, Surface):
+                own["contact_id"] = contact_ids(surface, contacts[contacts["step"] == step])
+            for name, (dtype, _, _) in maps.items():
                 values = own[name] if name in own else getattr(surface, name)
                 scratch[name].write(np.ascontiguousarray(values[inner], dtype).data)
             advance()
@@ -88,7 +104,7 @@ def export_npz(
             "u_px": u_px,
             "v_px": v_px,
             "contacts": recording.contacts[np.isin(recording.contacts["step"], selected.steps)],
-            "about": np.array(json.dumps(_about(recording))),
+            "about": np.array(json.dumps(_about(recording, maps))),
         }
         for name, values in small.items():
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
@@ -96,7 +112,7 @@ def export_npz(
         for name, values in contact_images(recording, selected):
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
                 np.lib.format.write_array(member, values, allow_pickle=False)
-        for name, (dtype, _, _) in _MAPS.items():
+        for name, (dtype, _, _) in maps.items():
             pair = (2,) if "slope" in name else ()
             shape = (len(selected.steps), len(v_px), len(u_px), *pair)
             _add(archive, name, np.dtype(dtype), shape, scratch[name])
@@ -104,8 +120,8 @@ def export_npz(
     return {"times": len(selected.steps), "rows": len(v_px), "columns": len(u_px)}
 
 
-def _about(recording: Recording) -> dict[str, Any]:
-    arrays = {name: {"unit": unit, "meaning": meaning} for name, (_, unit, meaning) in _MAPS.items()}
+def _about(recording: Recording, maps: Mapping[str, tuple[str, str, str]]) -> dict[str, Any]:
+    arrays = {name: {"unit": unit, "meaning": meaning} for name, (_, unit, meaning) in maps.items()}
     arrays |= {name: {"unit": unit, "meaning": meaning} for name, (unit, meaning) in _REST.items()}
     return {"arrays": arrays, "started_utc": recording.started_utc, "rig": recording.rig_text}
 

@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 
 from zeromethod.arrays import Float, Ints
 from zeromethod.errors import InputError
-from zeromethod.loop.state import State
+from zeromethod.export.source import MapSource
 from zeromethod.recording.recording import Recording
-from zeromethod.surface import Surface
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,25 +60,21 @@ class Selection:
         found = self._within(recording, groups)[:: self.every]
         return _selected(recording, found)
 
-    def one(self, recording: Recording) -> SelectedSteps:
+    def one(self, source: MapSource) -> SelectedSteps:
         """The step with a surface next to `at_s`; without, the one with the peak of largest |depth|.
 
-        Only locked steps count, where there are any: a peak that is still being followed may lie in a
-        hole. Raises InputError where there is no surface.
+        Raises InputError where there is no surface.
         """
+        recording = source.recording
         if self.at_s is not None:
             if self.at_s > recording.seconds:
                 raise InputError(f"--at: {self.at_s:g}: the recording ends at {recording.seconds:.3f} s")
-            found = Selection()._within(recording, ("surface",))
+            found = Selection()._within(recording, (source.group,))
             times = _selected(recording, found).time_s
             return _selected(recording, found[[int(np.argmin(np.abs(times - self.at_s)))]])
-        found = self._within(recording, ("surface",))
-        peaks = recording.peaks[np.isin(recording.peaks["step"], found["number"])]
-        peaks = peaks[np.isfinite(peaks["depth_mm"])]
-        if (locked := peaks[peaks["state"] == State.LOCKED.value]).size:
-            peaks = locked
-        deepest = peaks["step"][np.argmax(np.abs(peaks["depth_mm"]))] if peaks.size else found["number"][-1]
-        return _selected(recording, found[found["number"] == deepest])
+        found = self._within(recording, (source.group,))
+        deepest = source.deepest(found)
+        return _selected(recording, found[-1:] if deepest is None else found[found["number"] == deepest])
 
     def _within(self, recording: Recording, groups: Sequence[str]) -> NDArray[np.void]:
         steps = recording.steps
@@ -110,14 +105,6 @@ def require(recording: Recording, parts: Sequence[str], purpose: str) -> None:
             f"{recording.path}: {purpose} needs {', '.join(parts)}: {', '.join(missing)} not kept "
             f"by the run's --keep (kept: {kept})"
         )
-
-
-def first_surface(recording: Recording, selected: SelectedSteps) -> Surface:
-    """The first of the steps' surfaces that is there and whole. Raises InputError where there is none."""
-    for step in selected.steps.tolist():
-        if not recording.is_damaged("surface", step) and (found := recording.surface(step)) is not None:
-            return found
-    raise InputError(f"{recording.path}: no surface was read in this time, or all are damaged")
 
 
 def needed(module: str) -> Any:

@@ -11,7 +11,8 @@ import numpy as np
 from zeromethod.arrays import Single
 from zeromethod.atomic_write import atomic_write
 from zeromethod.export.lattice import MapLattice, Resampler
-from zeromethod.export.selection import SelectedSteps, first_surface, needed
+from zeromethod.export.selection import SelectedSteps, needed
+from zeromethod.export.source import MapSource
 from zeromethod.recording.recording import Recording
 
 CHANNELS = ("depth, mm", "slope d depth / dx, rad", "slope d depth / dy, rad")
@@ -27,6 +28,7 @@ def export_tiff(
     advance: Callable[[], None],
     *,
     pitch_mm: float | None = None,
+    fine: bool = False,
 ) -> dict[str, Any]:
     """Write float32 pages (times, channels, rows, columns), one time after the other.
 
@@ -34,14 +36,16 @@ def export_tiff(
     Returns what was written: times, rows, columns, pitch and the first point, mm.
     """
     tifffile = needed("tifffile")
-    points_mm = first_surface(recording, selected).points_mm[recording.grid.inner]
-    lattice = MapLattice.covering(points_mm[..., 0], points_mm[..., 1], pitch_mm)
+    source = MapSource(recording, fine)
+    first = source.first(selected.steps.tolist())
+    x_mm, y_mm = (one[source.inner].astype(np.float64) for one in (first.x_mm, first.y_mm))
+    lattice = MapLattice.covering(x_mm, y_mm, pitch_mm)
     rows, cols = lattice.shape
     shape = (len(selected.steps), len(CHANNELS), rows, cols)
     large = 4 * np.prod(shape, dtype=float) > _LARGEST_CLASSIC
     with atomic_write(path) as part, tifffile.TiffWriter(part, ome=True, bigtiff=large) as file:
         file.write(
-            _pages(recording, selected, lattice, advance),
+            _pages(source, selected, lattice, advance),
             shape=shape,
             dtype=np.float32,
             photometric="minisblack",
@@ -54,15 +58,15 @@ def export_tiff(
 
 
 def _pages(
-    recording: Recording, selected: SelectedSteps, lattice: MapLattice, advance: Callable[[], None]
+    source: MapSource, selected: SelectedSteps, lattice: MapLattice, advance: Callable[[], None]
 ) -> Iterator[Single]:
     resampled = Resampler(lattice)
-    inner = recording.grid.inner
-    for step in selected.steps:
-        surface = recording.surface(step)
-        assert surface is not None
+    inner = source.inner
+    for step in selected.steps.tolist():
+        surface = source.read(step)
         values = np.concatenate([surface.depth_mm[..., None], surface.slope], axis=-1)[inner]
-        maps = resampled(surface.x_mm[inner], surface.y_mm[inner], surface.valid[inner], values)
+        x_mm, y_mm = (one[inner].astype(np.float64) for one in (surface.x_mm, surface.y_mm))
+        maps = resampled(x_mm, y_mm, surface.valid[inner], values)
         yield from np.moveaxis(maps, -1, 0).astype(np.float32)
         advance()
 

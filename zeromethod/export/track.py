@@ -20,13 +20,24 @@ COLUMNS = (
 )
 
 
+FINE_COLUMNS = ("time_s", "depth_mm", "depth_sigma_mm", "x_mm", "y_mm", "frames", "valid_share", "state")
+
+
 def export_track(
-    recording: Recording, selected: SelectedSteps, path: Path, advance: Callable[[], None]
+    recording: Recording,
+    selected: SelectedSteps,
+    path: Path,
+    advance: Callable[[], None],
+    *,
+    fine: bool = False,
 ) -> dict[str, Any]:
     """Write the peak of every moment, empty where nothing was read; "peak" under `damaged`: it is not whole.
 
-    Returns what was written: lines, and those with a peak.
+    fine: of the fine surfaces, a line for each of them. Returns what was written: lines, and those with a
+    peak.
     """
+    if fine:
+        return _fine_track(recording, selected, path, advance)
     damaged = recording.tables.damaged_steps("peaks")
     peaks = {int(row["step"]): row for row in recording.peaks if np.isfinite(row["depth_mm"])}
     with atomic_write(path) as part, part.open("w", newline="", encoding="utf-8") as file:
@@ -41,3 +52,20 @@ def export_track(
             lines.writerow([f"{time_s:.9f}", *numbers, state, where, "peak" if int(step) in damaged else ""])
             advance()
     return {"times": len(selected.steps), "peaks": len(peaks.keys() & set(selected.steps.tolist()))}
+
+
+def _fine_track(
+    recording: Recording, selected: SelectedSteps, path: Path, advance: Callable[[], None]
+) -> dict[str, Any]:
+    peaks = {int(row["step"]): row for row in recording.fine_peaks}
+    written = 0
+    with atomic_write(path) as part, part.open("w", newline="", encoding="utf-8") as file:
+        lines = csv.writer(file, lineterminator="\n")
+        lines.writerow(FINE_COLUMNS)
+        for step, time_s, state in zip(selected.steps, selected.time_s, selected.states, strict=True):
+            if (row := peaks.get(int(step))) is not None:
+                values = [row[name].item() for name in FINE_COLUMNS[1:-1]]
+                lines.writerow([f"{time_s:.9f}", *map(repr, values), state])
+                written += 1
+            advance()
+    return {"times": written, "peaks": written}

@@ -13,7 +13,8 @@ from zeromethod.arrays import Bytes, Ints
 from zeromethod.atomic_write import atomic_write
 from zeromethod.export.lattice import MapLattice
 from zeromethod.export.picture import Picture, Scales
-from zeromethod.export.selection import SelectedSteps, first_surface, needed
+from zeromethod.export.selection import SelectedSteps, needed
+from zeromethod.export.source import MapSource
 from zeromethod.recording.recording import Recording
 from zeromethod.surface import Surface
 
@@ -90,7 +91,8 @@ def _picture(recording: Recording, selected: SelectedSteps) -> Picture:
     peaks = recording.peaks[np.isin(recording.peaks["step"], selected.steps)]
     some = selected.steps[np.linspace(0, len(selected.steps) - 1, _LOOKED_AT).astype(int)]
     images = [image for image in map(recording.image, some) if image is not None]
-    x_mm, y_mm = np.moveaxis(first_surface(recording, selected).points_mm[recording.grid.inner], -1, 0)
+    first, inner = MapSource(recording).first(selected.steps.tolist()), recording.grid.inner
+    x_mm, y_mm = (one[inner].astype(np.float64) for one in (first.x_mm, first.y_mm))
     scales = Scales.of(images, recording.steps["residual_rms_px"][within], peaks["depth_mm"])
     return Picture(recording.grid, MapLattice.covering(x_mm, y_mm), scales)
 

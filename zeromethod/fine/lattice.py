@@ -40,6 +40,12 @@ def _windows(pixels: int, period: int, spacing: int, nodes: int) -> Float:
     return out
 
 
+def pixel_box(grid: NodeGrid) -> tuple[slice, slice]:
+    """Rows and columns of the camera image between a grid's measurable nodes."""
+    v, u = (axis[PADDING:-PADDING] for axis in (grid.v_px, grid.u_px))
+    return slice(int(v[0]), int(v[-1]) + 1), slice(int(u[0]), int(u[-1]) + 1)
+
+
 class PixelLattice:
     """The pixels between a grid's measurable nodes.
 
@@ -48,9 +54,9 @@ class PixelLattice:
 
     def __init__(self, grid: NodeGrid) -> None:
         self.grid = grid
-        axes = (grid.v_px[PADDING:-PADDING], grid.u_px[PADDING:-PADDING])
-        self.box = tuple(slice(int(axis[0]), int(axis[-1]) + 1) for axis in axes)
-        self.nodes = len(axes[0]), len(axes[1])
+        self.box = pixel_box(grid)
+        rows, cols = grid.shape
+        self.nodes = rows - 2 * PADDING, cols - 2 * PADDING
         self.shape = tuple(part.stop - part.start for part in self.box)
         spacing, period = grid.spacing_px, grid.period_px
         counts = tuple(zip(self.shape, self.nodes, strict=True))

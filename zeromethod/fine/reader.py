@@ -171,6 +171,7 @@ class FineReader:
             frames=count,
             coarse=surface,
             footprint_divided=footprint is not None and footprint.divides,
+            spacing_px=self._grid.spacing_px,
         )
 
     def _integrated(

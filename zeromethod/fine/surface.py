@@ -48,6 +48,8 @@ class FineSurface:
         The nodes, from the same windows in space and time.
     footprint_divided : bool
         Whether the pupil's footprint and the lens's blur are divided out.
+    spacing_px : int
+        Pixels from one node of `coarse` to the next.
     """
 
     depth_mm: Single
@@ -63,6 +65,7 @@ class FineSurface:
     frames: int
     coarse: Surface
     footprint_divided: bool = False
+    spacing_px: int = 8
 
     @property
     def peak(self) -> tuple[float, float, float]:
@@ -81,6 +84,23 @@ class FineSurface:
         row, col = np.unravel_index(int(np.argmax(np.where(whole, np.abs(smooth), -1.0))), whole.shape)
         part = tuple(slice(max(int(at) - _FIT_PX, 0), int(at) + _FIT_PX + 1) for at in (row, col))
         return _summit(*(one[part].astype(np.float64) for one in (self.depth_mm, self.x_mm, self.y_mm)))
+
+    def sigma_near(self, x_mm: float, y_mm: float) -> float:
+        """Standard deviation of depth, mm, at the pixel next to a place; NaN where none was read there.
+
+        Parameters
+        ----------
+        x_mm, y_mm : float
+            World place on the mirror, mm.
+
+        Returns
+        -------
+        float
+            The standard deviation.
+        """
+        away = np.hypot(self.x_mm - np.float32(x_mm), self.y_mm - np.float32(y_mm))
+        away[~np.isfinite(away)] = np.inf
+        return float(self.sigma_depth_mm.flat[int(np.argmin(away))])
 
     def __repr__(self) -> str:
         rows, cols = self.depth_mm.shape

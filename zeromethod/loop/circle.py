@@ -233,7 +233,7 @@ class Circle:
         changed |= redraw
         nulled = measured.valid if read is None else measured.valid & ~read
         square, share, covered = node_figures(
-            residual.d, nulled, measured.valid, self.rest.visible, residual.flags
+            residual.d, nulled, measured.valid, self.rest.visible, measured.flags
         )
         rms_px = float(np.sqrt(square))
         if self._panel_blur is not None:

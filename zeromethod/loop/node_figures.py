@@ -8,19 +8,22 @@ import numpy as np
 from zeromethod.arrays import Flags, Float, Mask
 from zeromethod.warp.validity import Flag
 
-_LIGHT_LOST = int(Flag.LIGHT_LOST)
+_LIGHT_LOST, _CODED = int(Flag.LIGHT_LOST), int(Flag.CODED)
 
 
 @numba.njit(cache=True)
 def node_figures(d: Float, nulled: Mask, valid: Mask, seen: Mask, flags: Flags) -> tuple[float, float, float]:
-    """(mean square length of d over nulled nodes; valid share of the seen ones, and that without light)."""
+    """(mean square length of d over nulled nodes; valid share of the seen ones, and that without light).
+
+    flags: of the measured warp. A node that sees coded pictures may look dark and be lit.
+    """
     total = 0.0
     nodes = both = wanted = dark = 0
     for j in range(valid.shape[0]):
         for i in range(valid.shape[1]):
             if seen[j, i]:
                 wanted += 1
-                dark += flags[j, i] & _LIGHT_LOST != 0
+                dark += flags[j, i] & _LIGHT_LOST != 0 and flags[j, i] & _CODED == 0
             both += valid[j, i] and seen[j, i]
             if nulled[j, i]:
                 nodes += 1

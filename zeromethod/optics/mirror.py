@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from scipy.interpolate import RectBivariateSpline
+import scipy
 
 from zeromethod.arrays import Float
 from zeromethod.errors import InputError
@@ -126,7 +126,7 @@ class GridHeight:
         y = origin_mm[1] + pitch_mm * np.arange(rows)
         self.x_range_mm = float(x[0]), float(x[-1])
         self.y_range_mm = float(y[0]), float(y[-1])
-        self._spline = RectBivariateSpline(y, x, heights_mm, kx=3, ky=3, s=0)
+        self._spline = scipy.interpolate.RectBivariateSpline(y, x, heights_mm, kx=3, ky=3, s=0)
 
     def _clamped(self, x: Float, y: Float) -> tuple[Float, Float]:
         return np.clip(x, *self.x_range_mm), np.clip(y, *self.y_range_mm)

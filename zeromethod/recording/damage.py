@@ -23,16 +23,19 @@ KINDS = {
     "warps/commanded": ("commanded warp", "commanded warps"),
     "warps/shown": ("shown warp", "shown warps"),
     "surface": ("surface", "surfaces"),
+    "fine": ("fine surface", "fine surfaces"),
+    "fine_nodes": ("fine surface's nodes", "fine surfaces' nodes"),
     "pictures": ("picture's warp", "pictures' warps"),
     "zeros": ("zero", "zeros"),
     "steps": ("step's row", "steps' rows"),
     "peaks": ("peak", "peaks"),
+    "fine_peaks": ("fine surface's peak", "fine surfaces' peaks"),
     "presentation_log": ("row of the presentation log", "rows of the presentation log"),
     "drops": ("drop's row", "drops' rows"),
     "notes": ("note", "notes"),
     "calls": ("call's row", "calls' rows"),
 }
-"""Words for one item of a group, and for several; the last six are tables alone."""
+"""Words for one item of a group, and for several; the last seven are tables alone."""
 
 
 _ROUGH, _SIGMAS = 0.5, 5.0

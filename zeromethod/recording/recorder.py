@@ -12,17 +12,20 @@ from pathlib import Path
 import numpy as np
 
 from zeromethod.errors import InputError
+from zeromethod.fine.lattice import pixel_box
 from zeromethod.loop.step import Step
 from zeromethod.recording.checksums import CHECKSUMS
 from zeromethod.recording.file import about, create, discard, rest_arrays, rig_text
 from zeromethod.recording.line import Line
 from zeromethod.recording.message import Topic, Write
-from zeromethod.recording.rows import Rows, WaitingReading, WaitingStep, without_arrays
+from zeromethod.recording.rows import Rows, WaitingFine, WaitingReading, WaitingStep, without_arrays
 from zeromethod.recording.schema import KEEP, number_name, parts
 from zeromethod.recording.source import RecordingFile
 from zeromethod.recording.status import Condition, RecorderStatus
 from zeromethod.rig.model import Rig
 from zeromethod.warp.rest import Rest
+
+Waiting = WaitingStep | WaitingReading | WaitingFine
 
 WAITING_BYTES = 512 << 20
 """Arrays that may wait for the disk: two seconds of everything at 1280x1024 and 60 frames per second."""
@@ -63,12 +66,14 @@ class Recorder(AbstractContextManager["Recorder"]):
         gl_renderer: str = "",
         calibration: str = "",
         compress: bool = False,
+        fine: bool = False,
         waiting_bytes: int = WAITING_BYTES,
     ) -> None:
         """Create the file and start the process that writes into it.
 
         keep: of `KEEP`. every: keep the arrays of every so many-th step. calibration: text of its document.
-        compress: arrays, without loss; reading them then needs hdf5plugin. waiting_bytes: arrays that may
+        compress: arrays, without loss; reading them then needs hdf5plugin. fine: there will be fine surfaces,
+        which are kept all, at whatever `every`. waiting_bytes: arrays that may
         wait for the disk. Raises InputError, one line: the file is there already or cannot be created, other
         names in `keep`.
         """
@@ -77,9 +82,12 @@ class Recorder(AbstractContextManager["Recorder"]):
             raise InputError(f"--keep: {unknown[0]!r}: of {', '.join(KEEP)}")
         if every < 1:
             raise InputError(f"--every: {every}: a whole number from 1 on")
-        kept = [name for name in KEEP if name in keep]
+        kept = [name for name in KEEP if name in keep and (fine or name != "fine")]
         camera = rig.camera
-        self._parts = parts((camera.rows, camera.columns), camera.bits, rest.grid.shape, kept, every)
+        rows, cols = pixel_box(rest.grid)
+        fine_shape = (rows.stop - rows.start, cols.stop - cols.start) if fine else None
+        image_shape = camera.rows, camera.columns
+        self._parts = parts(image_shape, camera.bits, rest.grid.shape, kept, every, fine_shape)
         described = about(rig) | {
             "keep": kept,
             "every": every,
@@ -97,9 +105,11 @@ class Recorder(AbstractContextManager["Recorder"]):
             part for name, part in self._parts.items() if part.kept and not name.endswith(f"/{CHECKSUMS}")
         ]
         self._reading_bytes = sum(part.bytes for part in arrays if part.kept == "surface")
-        self._step_bytes = sum(part.bytes for part in arrays if part.kept != "surface")
+        self._fine_bytes = sum(part.bytes for part in arrays if part.kept == "fine")
+        self._step_bytes = sum(part.bytes for part in arrays) - self._reading_bytes - self._fine_bytes
         try:
-            self._line = Line(Path(path), self._parts, 2 * self._step_bytes + self._reading_bytes)
+            largest = max(2 * self._step_bytes + self._reading_bytes, self._fine_bytes)
+            self._line = Line(Path(path), self._parts, largest)
         except BaseException:
             discard(Path(path))
             raise
@@ -107,7 +117,7 @@ class Recorder(AbstractContextManager["Recorder"]):
         self._most_waiting = waiting_bytes
         self._start_ns: int | None = None
         self._changed = threading.Condition()
-        self._queue: deque[WaitingStep | WaitingReading] = deque()
+        self._queue: deque[Waiting] = deque()
         self._bytes = 0
         self._frames = 0
         self._unkept = 0
@@ -173,7 +183,7 @@ class Recorder(AbstractContextManager["Recorder"]):
                 self._unkept += frame
                 self._lost += 1
                 return
-            size, late = self._room(step, self._step_bytes)
+            size, late = self._room(self._step_bytes if self._wants(step.number) else 0)
             if late:
                 self._unkept += frame
                 step = without_arrays(step)
@@ -185,15 +195,23 @@ class Recorder(AbstractContextManager["Recorder"]):
         with self._changed:
             if self._closing or self._failed or len(self._queue) >= WAITING_STEPS:
                 return
-            size, _ = self._room(step, self._reading_bytes)
+            size, _ = self._room(self._reading_bytes if self._wants(step.number) else 0)
             self._put(WaitingReading(step, size))
 
-    def _room(self, step: Step, size: int) -> tuple[int, bool]:
+    def add_fine(self, step: Step) -> None:
+        """Record a step's fine surface, `step.fine`, of a recorder made for such."""
+        with self._changed:
+            if self._closing or self._failed or len(self._queue) >= WAITING_STEPS:
+                return
+            size, _ = self._room(self._fine_bytes)
+            self._put(WaitingFine(step, size))
+
+    def _room(self, size: int) -> tuple[int, bool]:
         """Bytes of arrays that may wait: `size`, or 0; and whether that is for want of room.
 
         In simulated time, where nothing is late, this waits for the disk as long as it takes anything.
         """
-        if not self._wants(step.number):
+        if not size:
             return 0, False
 
         def fits() -> bool:
@@ -203,7 +221,7 @@ class Recorder(AbstractContextManager["Recorder"]):
             self._changed.wait_for(lambda: fits() or self._failed != "", PATIENCE_S)
         return (size, False) if fits() else (0, True)
 
-    def _put(self, waiting: WaitingStep | WaitingReading) -> None:
+    def _put(self, waiting: Waiting) -> None:
         self._bytes += waiting.bytes
         self._queue.append(waiting)
         self._changed.notify_all()
@@ -241,6 +259,8 @@ class Recorder(AbstractContextManager["Recorder"]):
             while (one := self._next()) is not None:
                 if isinstance(one, WaitingReading):
                     added = self._rows.of_reading(one)
+                elif isinstance(one, WaitingFine):
+                    added = self._rows.of_fine(one)
                 else:
                     added = self._rows.of_step(one, self._status_note())
                 self._line.send(one.step.time_ns, added, one.bytes)
@@ -272,7 +292,7 @@ class Recorder(AbstractContextManager["Recorder"]):
         if self.status not in {RecorderStatus(), self._noted}:
             self._line.send(0, [(Write.ALWAYS, *self._rows.note(self.status.note))], 0)
 
-    def _next(self) -> WaitingStep | WaitingReading | None:
+    def _next(self) -> Waiting | None:
         """The next in the queue; None at the end."""
         while True:
             self._listen()

@@ -24,6 +24,9 @@ Item = tuple[str, Image]
 Added = tuple[Write, str, Image]
 """The same, and when it is written."""
 
+FINE_PIXELS = ("depth_mm", "slope", "sigma_depth_mm", "sigma_slope")
+"""Maps of a fine surface that are kept on every pixel."""
+
 TOO_SLOW = "the disk is too slow"
 FULL = "the disk is full"
 
@@ -47,6 +50,14 @@ class WaitingStep:
 @dataclass(frozen=True, slots=True)
 class WaitingReading:
     """A step whose reading waits for the disk. bytes: of its arrays, 0 where they are not kept."""
+
+    step: Step
+    bytes: int
+
+
+@dataclass(frozen=True, slots=True)
+class WaitingFine:
+    """A step whose fine surface waits for the disk. bytes: of its arrays, 0 where they are not kept."""
 
     step: Step
     bytes: int
@@ -105,7 +116,9 @@ class Rows:
     def of_reading(self, waiting: WaitingReading) -> list[Added]:
         """Items of a reading."""
         step, surface, peak = waiting.step, waiting.step.surface, waiting.step.peak
-        arrays = self._surface(step.number, surface) if surface is not None and waiting.bytes else []
+        arrays = (
+            self._surface("surface", step.number, surface) if surface is not None and waiting.bytes else []
+        )
         assert peak is not None
         own: dict[str, Any] = {"step": step.number, "state": _STATE[step.state]}
         own |= {"depth_sigma_mm": peak.sigma_mm, "possibly_deeper_mm": peak.deeper_mm}
@@ -115,6 +128,25 @@ class Rows:
         if waiting.bytes:
             arrays += [item for contact in step.contacts for item in self._image(step.number, contact)]
         return [*((Write.WITH_ROOM, *item) for item in arrays), *((Write.ALWAYS, *item) for item in rows)]
+
+    def of_fine(self, waiting: WaitingFine) -> list[Added]:
+        """Items of a fine surface."""
+        step, surface = waiting.step, waiting.step.fine
+        assert surface is not None
+        depth_mm, x_mm, y_mm = surface.peak
+        share = float(np.mean(surface.valid))
+        peak = depth_mm, surface.sigma_near(x_mm, y_mm), x_mm, y_mm, share
+        row = self._row("fine_peaks/table", step.number, surface.time_ns, surface.frames, *peak)
+        arrays: list[Item] = []
+        if waiting.bytes:
+            arrays = self._surface("fine_nodes", step.number, surface.coarse)
+            every = slice(None, None, surface.spacing_px)
+            own = {name: getattr(surface, name) for name in FINE_PIXELS}
+            own |= {name: getattr(surface, name)[every, every] for name in ("x_mm", "y_mm", "share")}
+            arrays += self._group("fine", step.number, own)
+            how = (surface.frames, *surface.first_px, surface.footprint_divided)
+            arrays.append(self._row("fine/table", *how))
+        return [*((Write.WITH_ROOM, *item) for item in arrays), (Write.ALWAYS, *row)]
 
     def _contact(self, step: Step, contact: Contact) -> Item:
         own = {"step": step.number, "outline_mm": evenly(contact.outline_mm, OUTLINE_POINTS)}
@@ -201,16 +233,16 @@ class Rows:
             return True
         return isinstance(image, np.ndarray) and image.shape == part.shape and image.dtype == part.dtype
 
-    def _surface(self, step: int, surface: Surface) -> list[Item]:
+    def _surface(self, group: str, step: int, surface: Surface) -> list[Item]:
         names = ("depth_mm", "slope", "x_mm", "y_mm", "sigma_depth_mm", "sigma_slope", "valid", "contact")
         anchor = surface.anchor
         arrays = {name: getattr(surface, name) for name in names} | {"anchor": anchor.mask}
         for name in ("x_mm", "y_mm"):
             arrays[name] = np.where(surface.on_mirror, arrays[name], np.nan)
-        items = self._group("surface", step, arrays)
+        items = self._group(group, step, arrays)
         if items:
             about = (ANCHORS.index(anchor.mode), anchor.sigma_mm, anchor.far_field_mm)
-            items.append(self._row("surface/table", surface.time_ns, surface.iterations, *about))
+            items.append(self._row(f"{group}/table", surface.time_ns, surface.iterations, *about))
         return items
 
     def _group(self, group: str, number: int, arrays: Mapping[str, Image]) -> list[Item]:

@@ -17,12 +17,13 @@ from zeromethod.loop.events import Event
 from zeromethod.loop.state import State
 from zeromethod.recording.checksums import CHECKSUMS
 from zeromethod.recording.contact_images import TILE_PX
+from zeromethod.warp.grid import PADDING
 
 SCHEMA = "zeromethod recording"
 SCHEMA_VERSION = 3
 
-KEEP = ("frames", "residual", "warps", "surface")
-"""What may be kept or left out; tables are always kept."""
+KEEP = ("frames", "residual", "warps", "surface", "fine")
+"""What may be kept or left out; tables are always kept. "fine": of a run that reads every pixel."""
 
 STATES = tuple(State)
 EVENTS = tuple(Event)
@@ -169,22 +170,53 @@ READINGS: Fields = {
     "anchor_tail_mm": ("f8", "mm", "depth that the anchor's nodes still have, over the reader's scale"),
 }
 
+FINE_READINGS: Fields = {
+    "frames": ("i4", "frames", "frames read together, the last of them that of its step"),
+    "first_row": ("i4", "px", "camera row of pixel (0, 0)"),
+    "first_col": ("i4", "px", "camera column of pixel (0, 0)"),
+    "footprint_divided": ("?", "", "whether the pupil's footprint and the lens's blur are divided out"),
+}
+
+FINE_PEAKS: Fields = {
+    "step": ("i8", "", "step of the newest frame that the fine surface was read from"),
+    "time_ns": ("i8", "ns", "mid-exposure of that frame on the run's clock"),
+    "frames": ("i4", "frames", "frames read together"),
+    "depth_mm": ("f8", "mm", "depth where |depth| is largest, positive into the rubber"),
+    "depth_sigma_mm": ("f8", "mm", "standard deviation of depth at the pixel next to it"),
+    "x_mm": ("f8", "mm", "world x of the point"),
+    "y_mm": ("f8", "mm", "world y of the point"),
+    "valid_share": ("f8", "", "pixels with a depth"),
+}
+
 TABLES: Mapping[str, tuple[Fields, str]] = {
     "steps": (STEPS, "one row per step of the loop"),
     "presentation_log": (PRESENTATION_LOG, "one row per picture given to the panel"),
     "peaks": (PEAKS, "point of largest |depth| of every surface that was read"),
     "contacts": (CONTACTS, "what touches the mirror, one row per contact and frame that was read"),
     "contact_images": (CONTACT_IMAGES, "what touches as an image, one row per tile, where surfaces are kept"),
+    "fine_peaks": (FINE_PEAKS, "point of largest |depth| of every fine surface that was read"),
     "drops": (DROPS, "frames that are not in this file"),
     "notes": (NOTES, "messages to the operator"),
     "calls": (CALLS, "methods that a person or a program called during the run"),
 }
 
-LATER = frozenset({"contacts", "contact_images", "calls"})
+LATER = frozenset({"contacts", "contact_images", "fine_peaks", "calls"})
 """Tables that files of this format may lack."""
 
 _WHY = "why a node is not to be trusted: bits named in the attribute `flags`; 0 = valid"
 _LCD = "(column, row) on the LCD per camera node; pixel centres at integers"
+
+_SURFACE = (
+    ("depth_mm", "f4", "nodes", "mm", "depth at the node's mirror point, positive into the rubber"),
+    ("slope", "f4", "pairs", "rad", "(d depth/dx, d depth/dy)"),
+    ("x_mm", "f4", "nodes", "mm", "mirror point, world x"),
+    ("y_mm", "f4", "nodes", "mm", "mirror point, world y"),
+    ("sigma_depth_mm", "f4", "nodes", "mm", "standard deviation of depth"),
+    ("sigma_slope", "f4", "pairs", "rad", "standard deviation of slope"),
+    ("valid", "?", "nodes", "", "nodes with a depth"),
+    ("contact", "?", "nodes", "", "light lost: total reflection fails, or contact"),
+    ("anchor", "?", "nodes", "", "nodes where depth was taken as known"),
+)
 
 ARRAYS = (
     ("zeros/q", "f8", "pairs", "LCD px", "zero less the warp at rest: warp from rest = measured + zero"),
@@ -198,20 +230,20 @@ ARRAYS = (
     ("warps/measured/flags", "u2", "nodes", "", _WHY),
     ("warps/commanded/q", "f4", "pairs", "LCD px", f"warp to be shown next: {_LCD}"),
     ("warps/shown/q", "f4", "pairs", "LCD px", f"mix of warps lit in the exposure: {_LCD}"),
-    ("surface/depth_mm", "f4", "nodes", "mm", "depth at the node's mirror point, positive into the rubber"),
-    ("surface/slope", "f4", "pairs", "rad", "(d depth/dx, d depth/dy)"),
-    ("surface/x_mm", "f4", "nodes", "mm", "mirror point, world x"),
-    ("surface/y_mm", "f4", "nodes", "mm", "mirror point, world y"),
-    ("surface/sigma_depth_mm", "f4", "nodes", "mm", "standard deviation of depth"),
-    ("surface/sigma_slope", "f4", "pairs", "rad", "standard deviation of slope"),
-    ("surface/valid", "?", "nodes", "", "nodes with a depth"),
-    ("surface/contact", "?", "nodes", "", "light lost: total reflection fails, or contact"),
-    ("surface/anchor", "?", "nodes", "", "nodes where depth was taken as known"),
+    *((f"surface/{name}", *rest) for name, *rest in _SURFACE),
+    ("fine/depth_mm", "f4", "pixels", "mm", "depth on every camera pixel; NaN where it was not read"),
+    ("fine/slope", "f4", "pixel pairs", "rad", "(d depth/dx, d depth/dy)"),
+    ("fine/sigma_depth_mm", "f4", "pixels", "mm", "standard deviation of depth as seen through the pupil"),
+    ("fine/sigma_slope", "f4", "pixel pairs", "rad", "standard deviation of slope"),
+    ("fine/x_mm", "f4", "lattice", "mm", "mirror point, world x, of the pixels on nodes; smooth in between"),
+    ("fine/y_mm", "f4", "lattice", "mm", "mirror point, world y, likewise"),
+    ("fine/share", "f4", "lattice", "", "1: read pixel by pixel; 0: interpolated, as the mirror moved"),
+    *((f"fine_nodes/{name}", *rest) for name, *rest in _SURFACE),
     ("pictures/q", "f8", "pairs", "LCD px", f"warp that was drawn: {_LCD}"),
 )
 """Every array: group/name, type, shape of an item, units, meaning."""
 
-_KEPT = {"zeros": "", "pictures": "warps"}
+_KEPT = {"zeros": "", "pictures": "warps", "fine_nodes": "fine"}
 """Of `KEEP` what a group goes with, where that is not how its name begins."""
 
 CHECKSUM_MEANING = (
@@ -226,17 +258,24 @@ def parts(
     grid_shape: tuple[int, int],
     keep: Collection[str] = KEEP,
     every: int = 1,
+    fine_shape: tuple[int, int] | None = None,
 ) -> dict[str, Part]:
     """Datasets that grow, by name. image_shape: (rows, cols) px. grid_shape: (rows, cols) nodes.
+
+    fine_shape: pixels (rows, cols) of fine surfaces; None: the run reads none.
 
     The warps of all pictures are kept only where every frame is: only then can frames be processed again.
     """
     shapes = {"image": image_shape, "nodes": grid_shape, "pairs": (*grid_shape, 2)}
+    if fine_shape is not None:
+        lattice = grid_shape[0] - 2 * PADDING, grid_shape[1] - 2 * PADDING
+        shapes |= {"pixels": fine_shape, "pixel pairs": (*fine_shape, 2), "lattice": lattice}
     groups: dict[str, list[Part]] = {}
     for name, kind, shape, units, meaning in ARRAYS:
         group = name.rpartition("/")[0]
         kept = _KEPT.get(group, group.partition("/")[0])
-        if (kept and kept not in keep) or (group == "pictures" and every != 1):
+        left_out = kept == "fine" and fine_shape is None
+        if left_out or (kept and kept not in keep) or (group == "pictures" and every != 1):
             continue
         number = Part(number_name(group), np.dtype("i8"), (), "", _NUMBERS.get(group, _OF_STEP), kept)
         dtype = np.dtype("u2" if shape == "image" and bits > 8 else kind)
@@ -248,8 +287,10 @@ def parts(
         found += [table, _checksums(name, [table])]
     for group, own in groups.items():
         kept = own[0].kept
-        if group == "surface":
+        if group in {"surface", "fine_nodes"}:
             own.append(_table(group, READINGS, "what a reading is anchored to", kept))
+        if group == "fine":
+            own.append(_table(group, FINE_READINGS, "how it was read", kept))
         found += [*own, _checksums(group, own, kept)]
     return {part.name: part for part in found}
 

@@ -15,6 +15,7 @@ from zeromethod.recording.schema import (
     CONTACT_IMAGES,
     CONTACTS,
     EVENTS,
+    FINE_PEAKS,
     STATES,
     AnchorMode,
     row_dtype,
@@ -72,6 +73,12 @@ class Tables:
             return np.zeros(0, row_dtype(CONTACT_IMAGES))
         return self.rows("contact_images")
 
+    def fine_peaks(self) -> Image:
+        """Rows of the table of fine surfaces' peaks; none where the file has no such table."""
+        if "fine_peaks/table" not in self._source.names:
+            return np.zeros(0, row_dtype(FINE_PEAKS))
+        return self.rows("fine_peaks")
+
     def calls(self) -> Image:
         """Rows of the table of calls; none where the file has no such table."""
         if "calls/table" not in self._source.names:
@@ -98,9 +105,9 @@ class Tables:
         self._peaks = None
         return len(self._left_out)
 
-    def anchor(self, index: int) -> AnchorMode:
-        """How a reading was anchored."""
-        return ANCHORS[self._places("surface", "anchors", ANCHORS)[index]]
+    def anchor(self, group: str, index: int) -> AnchorMode:
+        """How a reading of "surface" or "fine_nodes" was anchored."""
+        return ANCHORS[self._places(group, "anchors", ANCHORS)[index]]
 
     def _in_our_words(self, name: str, rows: Image) -> Image:
         """The same with states and events as indices into STATES and EVENTS."""

@@ -7,7 +7,7 @@ import math
 from collections import deque
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -58,7 +58,7 @@ def with_moving_target(rig: Rig) -> Rig:
 @dataclass(frozen=True, slots=True)
 class _Asked:
     frames: tuple[FineFrame, ...]
-    phase: str
+    step: Step
 
 
 class FineReadings:
@@ -74,10 +74,7 @@ class FineReadings:
         self._asked_ns: int | None = None
         self._own: FineReader | None = None
         self._process: SurfaceProcess | None = None
-        self._worker: (
-            Worker[_Asked, tuple[FineSurface, FineFigures]]
-            | SameThread[_Asked, tuple[FineSurface, FineFigures]]
-        )
+        self._worker: Worker[_Asked, tuple[Step, FineFigures]] | SameThread[_Asked, tuple[Step, FineFigures]]
         self._worker = SameThread(lambda: nullcontext(self._serve))
         self._lost = ""
 
@@ -110,10 +107,10 @@ class FineReadings:
         waited = self._asked_ns is None or step.time_ns - self._asked_ns >= 1e9 * EVERY_S
         if waited and len(self._frames) == FRAMES and step.state in _FOLLOWED:
             self._asked_ns = step.time_ns
-            self._worker.post(_Asked(tuple(self._frames), step.phase))
+            self._worker.post(_Asked(tuple(self._frames), step))
 
-    def collect(self) -> list[tuple[FineSurface, FineFigures]]:
-        """Surfaces read since the last call, with their figures; raises what a reading raised."""
+    def collect(self) -> list[tuple[Step, FineFigures]]:
+        """Steps whose fine surface was read since the last call, and figures; raises what it raised."""
         try:
             return self._worker.take()
         except ReadingLost as why:
@@ -131,12 +128,12 @@ class FineReadings:
             else ()
         )
 
-    def _serve(self, asked: _Asked) -> tuple[FineSurface, FineFigures] | None:
+    def _serve(self, asked: _Asked) -> tuple[Step, FineFigures] | None:
         try:
             surface = self._read(asked.frames)
         except InputError:  # phases that do not determine the pixels: the target stood, as a picture was kept
             return None
-        return surface, figures_of(surface, asked.phase, self._truth)
+        return replace(asked.step, fine=surface), figures_of(surface, asked.step.phase, self._truth)
 
     def _read(self, frames: Sequence[FineFrame]) -> FineSurface:
         if self._process is not None:

@@ -28,8 +28,11 @@ class StepPublisher(Protocol):
 Record: TypeAlias = "Callable[[Loop], Recorder] | str | Path | None"
 
 
-def recorder_of(record: Record, rig: Rig, loop: Loop) -> Recorder | None:
-    """Recorder that was asked for, of everything where only a file is given; None for none."""
+def recorder_of(record: Record, rig: Rig, loop: Loop, fine: bool = False) -> Recorder | None:
+    """Recorder that was asked for, of everything where only a file is given; None for none.
+
+    fine: of fine surfaces, too.
+    """
     if record is None or callable(record):
         return record and record(loop)
     from zeromethod.recording.recorder import Recorder  # noqa: PLC0415 - loads slowly
@@ -41,6 +44,7 @@ def recorder_of(record: Record, rig: Rig, loop: Loop) -> Recorder | None:
         command_line=shlex.join(sys.argv),
         live=loop.live,
         gl_renderer=loop.gl_renderer,
+        fine=fine,
     )
 
 

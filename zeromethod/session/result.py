@@ -6,6 +6,7 @@ from bisect import bisect_left
 from dataclasses import dataclass, field, replace
 
 from zeromethod.control.stability_margin import Margin
+from zeromethod.fine.surface import FineSurface
 from zeromethod.loop.state import READ, State
 from zeromethod.loop.step import Step, StepFigures
 from zeromethod.rig.model import Rig
@@ -44,6 +45,8 @@ class RunResult:
         How often each event happened.
     before, pressed, nulled : Step, optional
         Steps that the figure shows.
+    every_pixel : FineSurface, optional
+        The last fine surface of the hold, or of the run where there is no hold.
     interrupted : bool
         Whether the last run was ended early, by Ctrl-C or `Session.interrupt`.
     recording : str
@@ -74,6 +77,7 @@ class RunResult:
     before: Step | None = None
     pressed: Step | None = None
     nulled: Step | None = None
+    every_pixel: FineSurface | None = None
     interrupted: bool = False
     recording: str = ""
     recording_lost: bool = False
@@ -127,6 +131,22 @@ class RunResult:
         ):
             self._deepest_mm = abs(step.depth_peak_mm)
             self.nulled = kept
+
+    def keep_fine(self, step: Step, figures: FineFigures, phases: frozenset[str]) -> None:
+        """Keep the figures of a step's fine surface, and the surface itself if the figure shows it.
+
+        Parameters
+        ----------
+        step : Step
+            With its fine surface.
+        figures : FineFigures
+            Of that surface.
+        phases : frozenset of str
+            Parts of a simulated scenario; empty without one.
+        """
+        self.fine.append(figures)
+        if "hold" not in phases or step.phase == "hold":
+            self.every_pixel = step.fine
 
     def enter(self, read: StepFigures) -> None:
         """Enter what was read from a frame into its record.

@@ -24,10 +24,10 @@ class RunRecording:
     Recorders are made and closed in threads of their own while the loop runs: neither waits for a disk.
     """
 
-    def __init__(self, record: Record, rig: Rig, loop: Loop) -> None:
-        """Begin with the recorder that was asked for. Raises InputError."""
-        self._rig, self._loop = rig, loop
-        self._recorder = recorder_of(record, rig, loop)
+    def __init__(self, record: Record, rig: Rig, loop: Loop, fine: bool = False) -> None:
+        """Begin with the recorder that was asked for; fine: of fine surfaces, too. Raises InputError."""
+        self._rig, self._loop, self._fine = rig, loop, fine
+        self._recorder = recorder_of(record, rig, loop, fine)
         self._opening: Future[Recorder | None] | None = None
         self._closing: list[Future[None]] = []
         self._condition = Condition.ALL_KEPT
@@ -57,7 +57,9 @@ class RunRecording:
         """
         if self._recorder is not None or self._opening is not None:
             raise InputError(f"record: {self.path or 'another file'}: is being recorded already")
-        self._opening = in_thread("open recording", lambda: recorder_of(record, self._rig, self._loop))
+        self._opening = in_thread(
+            "open recording", lambda: recorder_of(record, self._rig, self._loop, self._fine)
+        )
         return self._opening
 
     def poll(self) -> None:
@@ -87,6 +89,11 @@ class RunRecording:
         """Record what was read from a step, if the step was recorded."""
         if self._recorder is not None and 0 < self._first_step <= step.number:
             self._recorder.add_reading(step)
+
+    def add_fine(self, step: Step) -> None:
+        """Record a step's fine surface, if the step was recorded."""
+        if self._recorder is not None and 0 < self._first_step <= step.number:
+            self._recorder.add_fine(step)
 
     def notes(self) -> tuple[str, ...]:
         """What the operator should know of the recording, when that changes."""

@@ -107,7 +107,7 @@ class Session:
             usable = usable_nodes(self._optics, self._grid, AT_REST)[self._grid.inner]
             share = float(np.mean(usable))
             self.result = RunResult(self.rig, self.loop.gl_renderer, share, self.loop.rest, self._truth)
-            self.recording = RunRecording(record, self.rig, self.loop)
+            self.recording = RunRecording(record, self.rig, self.loop, fine)
             stack.callback(self._end_recording)
             self._surfaces = Surfaces(self.rig, self._optics, self._grid)
             self._fine: FineReadings | None = None
@@ -251,9 +251,10 @@ class Session:
         if self._fine is None:
             return read
         self._fine.add(step)
-        for surface, figures in self._fine.collect():
-            self.result.fine.append(figures)
-            read = replace(read, fine=surface)
+        for of, figures in self._fine.collect():
+            self.result.keep_fine(of, figures, self._phases)
+            self.recording.add_fine(of)
+            read = replace(read, fine=of.fine)
         return read
 
     def interrupt(self) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import importlib
 import math
 import os
 import pickle
@@ -155,6 +156,11 @@ class Surfaces:
             if process is not None:
                 process.close()
 
+    @property
+    def process_id(self) -> int | None:
+        """Of the process that reads, as the system numbers it; None where this one does."""
+        return None if self._process is None else self._process.process_id
+
     def read(self, warp: Warp) -> tuple[Surface, Peak]:
         """Surface of a measured warp, and its peak; as `SurfaceReader.follow`."""
         process = self._process
@@ -185,6 +191,7 @@ class Surfaces:
 
 def _reads(rig: Rig, grid: NodeGrid) -> Callable[[Warp], tuple[Surface, Peak]]:
     reader = SurfaceReader(rig, Optics(rig), grid)
+    importlib.import_module("scipy.interpolate")  # else the first narrow dent would wait for it
 
     def read(warp: Warp) -> tuple[Surface, Peak]:
         surface = reader.follow(warp)

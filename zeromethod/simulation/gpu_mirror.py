@@ -6,8 +6,8 @@ from math import erf
 
 import moderngl
 import numpy as np
+import scipy
 from scipy.sparse import diags_array
-from scipy.sparse.linalg import splu
 
 from zeromethod.arrays import Float
 from zeromethod.errors import InputError
@@ -128,5 +128,5 @@ def _not_a_knot(samples: Float) -> Float:
     matrix[0, :5] = [1, -4, 6, -4, 1]
     matrix[n + 1, n - 3 :] = [1, -4, 6, -4, 1]
     ends = np.zeros((1, *samples.shape[1:]))
-    solved: Float = splu(matrix.tocsc()).solve(np.concatenate([ends, samples, ends]))
+    solved: Float = scipy.sparse.linalg.splu(matrix.tocsc()).solve(np.concatenate([ends, samples, ends]))
     return solved

@@ -9,8 +9,8 @@ slope and curvature to 0 at the lattice's border.
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from scipy.sparse import csr_array, diags_array, eye_array, kron
-from scipy.sparse.linalg import splu
 
 from zeromethod.arrays import Float
 from zeromethod.errors import InputError
@@ -51,7 +51,9 @@ class ScatteredMap:
         basis = self._basis(x_mm, y_mm)
         self._back = basis.T.tocsr()
         normal = self._back @ basis + STIFFNESS * self._bending()
-        self._solver = splu(normal.tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+        self._solver = scipy.sparse.linalg.splu(
+            normal.tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}
+        )
 
     def fit(self, x_mm: Float, y_mm: Float, depth_mm: Float) -> Float:
         """Coefficients (rows, cols) of the map that has depths (n,) at points (n,) near those given first."""

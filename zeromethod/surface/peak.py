@@ -7,8 +7,8 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from scipy import ndimage
-from scipy.interpolate import RectBivariateSpline
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.surface.chance import by_chance_mm
@@ -245,7 +245,7 @@ def _splined(surface: Surface, row: int, col: int, start: Float) -> _Summit | No
         return None
     knots = np.arange(-size, size + 1.0)
     x, y, depth, rough = (
-        RectBivariateSpline(knots, knots, field[part], kx=degree, ky=degree)
+        scipy.interpolate.RectBivariateSpline(knots, knots, field[part], kx=degree, ky=degree)
         for field, degree in (
             (surface.x_mm, 3),
             (surface.y_mm, 3),

@@ -19,10 +19,13 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 
 from zeromethod.arrays import Float
 from zeromethod.atomic_write import atomic_write
+from zeromethod.fine.surface import FineSurface
 from zeromethod.surface import Surface
 from zeromethod.warp.grid import PADDING
 
 _FEW_DECADES = 3.0
+_PICTURE_COLS = 300
+"""Columns of pixels that a map shows, up to twice as many."""
 
 
 @contextmanager
@@ -80,6 +83,18 @@ def over_mirror(axis: Axes, surface: Surface, values: Float, **look: Any) -> Qua
         warnings.filterwarnings("ignore", message="The input coordinates to pcolormesh")
         x_mm, y_mm = surface.x_mm[inner], surface.y_mm[inner]
         return axis.pcolormesh(x_mm, y_mm, values[inner], shading="nearest", **look)
+
+
+def pixels_over_mirror(axis: Axes, surface: FineSurface, values: Float, **look: Any) -> QuadMesh:
+    """Values (rows, cols) of a fine surface at their pixels' places on the mirror, mm.
+
+    Every so many-th pixel where there are more than a picture shows.
+    """
+    thin = (slice(None, None, max(1, surface.depth_mm.shape[1] // _PICTURE_COLS)),) * 2
+    axis.set_aspect("equal")
+    return axis.pcolormesh(
+        surface.x_mm[thin], surface.y_mm[thin], values[thin], shading="nearest", rasterized=True, **look
+    )
 
 
 def plain_log_ticks(axis: Axis) -> None:

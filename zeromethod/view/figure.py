@@ -13,12 +13,21 @@ from matplotlib.figure import Figure
 from zeromethod.arrays import Float, Image
 from zeromethod.contact import Contact, closed
 from zeromethod.devices.protocols import TrueMirror
+from zeromethod.fine.surface import FineSurface
 from zeromethod.loop.step import Step
 from zeromethod.session.result import RunResult
 from zeromethod.session.session import Session
 from zeromethod.session.summary import summarise
 from zeromethod.surface import Surface
-from zeromethod.view.axes import centred, colour_bar, colours, labelled, over_mirror, picture
+from zeromethod.view.axes import (
+    centred,
+    colour_bar,
+    colours,
+    labelled,
+    over_mirror,
+    picture,
+    pixels_over_mirror,
+)
 from zeromethod.view.contact_picture import draw_contact
 from zeromethod.warp.grid import NodeGrid
 
@@ -39,17 +48,21 @@ def plot_run(run: Session | RunResult, path: str | Path | None = None) -> Figure
     Returns
     -------
     matplotlib.figure.Figure
-        Twelve panels; those without data say so. A column more where something touches: its images.
+        Twelve panels; those without data say so. A column more where something touches: its images; and one
+        where every pixel was read.
     """
     result = run.result if isinstance(run, Session) else run
     grid = NodeGrid.of_rig(result.rig)
     nulled = result.nulled
     touching = [one for one in (nulled.contacts if nulled is not None else ()) if one.image is not None]
-    columns = 5 if touching else 4
+    fine = result.every_pixel
+    columns = 4 + bool(touching) + (fine is not None)
     with picture(path, (4 * columns, 9.5), _title(summarise(result))) as figure:
         axes = figure.subplots(3, columns)
         if touching:
             _draw_images(axes[:, 4], touching)
+        if fine is not None:
+            _draw_pixels(axes[:, -1], fine, result)
         _camera_row(axes[0, :3], result, grid)
         _timeline(axes[2, 3], result)
         read_axes = [axes[0, 3], *axes[1, :4], *axes[2, :3]]
@@ -147,6 +160,32 @@ def _read_maps(axes: list[Axes], result: RunResult, nulled: Step) -> None:
     else:
         draw_map(axes[6], surface, 1e6 * (surface.depth_mm - true_mm), "depth error", "nm")
     _section(axes[7], surface, result.true_mirror and result.true_mirror(nulled.time_ns))
+
+
+def _draw_pixels(axes: Sequence[Axes], fine: FineSurface, result: RunResult) -> None:
+    """Depth on every pixel, its error or sigma, and a section through its peak."""
+    truth = None if result.true_mirror is None else result.true_mirror(fine.time_ns)
+    depth_mm = fine.depth_mm.astype(np.float64)
+    small_nm, title = 1e6 * fine.sigma_depth_mm.astype(np.float64), "depth sigma on every pixel"
+    if truth is not None:
+        true_mm = truth.depth(fine.x_mm.astype(np.float64), fine.y_mm.astype(np.float64))
+        small_nm, title = 1e6 * (depth_mm - true_mm), "depth error on every pixel"
+    for axis, values, name, unit, signed in (
+        (axes[0], 1e3 * depth_mm, f"depth on every pixel, {fine.frames} frames", "µm", True),
+        (axes[1], small_nm, title, "nm", truth is not None),
+    ):
+        mesh = pixels_over_mirror(axis, fine, values, **colours(values, 99.8, signed=signed))
+        labelled(axis, name, "x, mm", "y, mm")
+        colour_bar(axis, mesh, unit)
+    _, x_mm, y_mm = fine.peak
+    away = np.nan_to_num(np.hypot(fine.x_mm - x_mm, fine.y_mm - y_mm), nan=np.inf)
+    row = int(np.argmin(away)) // away.shape[1]
+    axes[2].plot(fine.x_mm[row], 1e3 * fine.depth_mm[row], "C0.", markersize=1, label="read")
+    if truth is not None:
+        axes[2].plot(fine.x_mm[row], 1e3 * true_mm[row], "C1-", linewidth=1, label="truth")
+    axes[2].invert_yaxis()
+    labelled(axes[2], "the same, along the row of the peak", "x, mm", "depth, µm")
+    axes[2].legend()
 
 
 def draw_outlines(axis: Axes, contacts: Sequence[Contact]) -> None:

@@ -12,13 +12,14 @@ import numpy as np
 
 from zeromethod.atomic_write import atomic_write
 from zeromethod.errors import InputError
+from zeromethod.export.source import MapSource
 from zeromethod.loop.state import State
 from zeromethod.recording.damage import KINDS
 from zeromethod.recording.recording import Recording
 from zeromethod.recording.source import DamagedWarning
 from zeromethod.view import report_words as words
 from zeromethod.view.live import STATE_COLOURS
-from zeromethod.view.report_figures import LEAST_RATED, contact_image, depth_map, timeline
+from zeromethod.view.report_figures import LEAST_RATED, contact_image, depth_map, pixel_map, timeline
 from zeromethod.view.report_history import happenings
 from zeromethod.view.report_summary import (
     Figures,
@@ -133,7 +134,21 @@ def _maps(recording: Recording) -> tuple[list[dict[str, str]], list[str]]:
             border = next((b for b, one in zip(borders, touching["id"], strict=True) if one == number), None)
             about = f"step {step}: {1e3 * image.mm_per_px:.0f} µm per pixel"
             maps.append({"name": f"contact {number}", "svg": contact_image(image, border), "words": about})
-    return maps, damaged
+    return maps + _pixel_maps(recording), damaged
+
+
+def _pixel_maps(recording: Recording) -> list[dict[str, str]]:
+    """Depth on every pixel at the largest peak of the locked mirror, where fine surfaces were kept."""
+    source = MapSource(recording, fine=True)
+    kept = recording.steps[np.isin(recording.steps["number"], list(source.numbers))]
+    step = source.deepest(kept)
+    surface = None if step is None else recording.fine(step)
+    if surface is None:
+        return []
+    depth_mm, x_mm, y_mm = surface.peak
+    sigma_um = 1e3 * surface.sigma_near(x_mm, y_mm)
+    said = f"step {step}: {1e3 * depth_mm:.4f} +- {sigma_um:.4f} µm at {x_mm:.2f}, {y_mm:.2f} mm"
+    return [{"name": "every pixel", "svg": pixel_map(surface), "words": f"{said}; {surface.frames} frames"}]
 
 
 def key_steps(recording: Recording) -> dict[int, list[str]]:

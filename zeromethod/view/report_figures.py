@@ -19,10 +19,11 @@ from matplotlib.patches import Patch
 
 from zeromethod.arrays import Float
 from zeromethod.contact import ContactImage, closed
+from zeromethod.fine.surface import FineSurface
 from zeromethod.loop.state import State
 from zeromethod.recording.recording import Recording
 from zeromethod.surface import Surface
-from zeromethod.view.axes import centred, colours, labelled, over_mirror, plain_log_ticks
+from zeromethod.view.axes import centred, colours, labelled, over_mirror, pixels_over_mirror, plain_log_ticks
 from zeromethod.view.contact_picture import draw_contact
 from zeromethod.view.live import STATE_COLOURS
 from zeromethod.view.report_history import Episode, episodes, seconds
@@ -109,6 +110,29 @@ def depth_map(surface: Surface, peak_mm: tuple[float, float], borders_mm: Sequen
         bar.solids.set_rasterized(True)
         bar.outline.set_visible(False)
         return _svg(figure, "depth over the mirror")
+
+
+def pixel_map(surface: FineSurface) -> str:
+    """Map of depth on every pixel over the mirror in mm, with its peak marked."""
+    with _page_style(f"every pixel {surface.time_ns}"):
+        tall = surface.depth_mm.shape[0] / surface.depth_mm.shape[1]
+        figure = Figure(figsize=(_MAP_INCH, 1.3 + 0.85 * _MAP_INCH * tall), layout="constrained")
+        axis = figure.subplots()
+        labelled(axis, "", "x, mm", "y, mm")
+        if not surface.valid.any():
+            centred(axis, "nothing was read")
+            return _svg(figure, "depth on every pixel: nothing")
+        high = float(np.nanmax(np.abs(surface.depth_mm)))
+        factor, unit = (1.0, "mm") if high >= 1.0 else (1e3, "µm") if high >= 1e-3 else (1e6, "nm")
+        depth = factor * surface.depth_mm.astype(np.float64)
+        mesh = pixels_over_mirror(axis, surface, depth, **colours(depth, 100, signed=True))
+        for colour, width in (("white", 2.4), ("black", 0.8)):
+            axis.plot(*surface.peak[1:], "+", color=colour, markersize=10, markeredgewidth=width)
+        bar = figure.colorbar(mesh, ax=axis, label=f"depth, {unit}", location="bottom", aspect=30)
+        assert bar.solids is not None
+        bar.solids.set_rasterized(True)
+        bar.outline.set_visible(False)
+        return _svg(figure, "depth on every pixel over the mirror")
 
 
 def contact_image(image: ContactImage, border_mm: Float | None) -> str:

@@ -54,6 +54,7 @@ def summarise_recording(recording: Recording) -> Figures:
             for by in set(drops["lost_by"])
         },
         "contacts": contact_figures(recording),
+        "fine": fine_figures(recording),
         "notes": [recording.text(text) for text in recording.notes["text"]],
     }
 
@@ -71,6 +72,15 @@ def contact_figures(recording: Recording) -> list[Figures]:
         medians = {name: float(np.median(own[name])) for name in names}
         found.append({"id": int(number), "from_s": float(times_s[0]), "to_s": float(times_s[-1]), **medians})
     return found
+
+
+def fine_figures(recording: Recording) -> Figures | None:
+    """How many fine surfaces were read, and the last one's peak; None of none."""
+    peaks = recording.fine_peaks
+    if not len(peaks):
+        return None
+    names = ("depth_mm", "depth_sigma_mm", "x_mm", "y_mm", "valid_share")
+    return {"surfaces": len(peaks)} | {name: float(peaks[-1][name]) for name in names}
 
 
 def read_peaks(recording: Recording) -> Image:

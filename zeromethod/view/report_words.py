@@ -221,7 +221,7 @@ def settings_rows(recording: Recording) -> Iterator[tuple[str, str]]:
     yield ("known to be at rest", "; ".join(known) or "nothing, so the quietest part of the view's border")
     rows, columns = recording.grid.shape
     yield "nodes", f"{rows} x {columns}, {recording.grid.spacing_px:g} camera px apart"
-    missing = [name for name in KEEP if name not in recording.kept]
+    missing = [name for name in KEEP if name not in recording.kept and name != "fine"]
     yield "kept", ", ".join(name for name in KEEP if name in recording.kept) or "tables only"
     if missing:
         yield "not kept", ", ".join(missing)

@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
+import scipy
 
 from zeromethod.arrays import Float
 from zeromethod.rig.tables import Rubber
@@ -81,4 +81,4 @@ class BallContact:
         low, high = 1e-4 * self._radius_mm, 1e-2 * self._radius_mm
         while miss(high) < 0:
             low, high = high, 2 * high
-        return float(brentq(miss, low, high, xtol=1e-9))
+        return float(scipy.optimize.brentq(miss, low, high, xtol=1e-9))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import RectBivariateSpline
+import scipy
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.errors import InputError
@@ -190,5 +190,5 @@ class Presser:
             rough += self._compliance.of_force(np.maximum(away, other.lattice.pitch_mm)) @ force
             places = np.stack((x.ravel(), y.ravel()))
             rough += (self._compliance.of_body(places, np.stack((bx, by))) @ force).reshape(x.shape)
-        smooth = RectBivariateSpline(across, along, rough)
+        smooth = scipy.interpolate.RectBivariateSpline(across, along, rough)
         return np.asarray(smooth(lattice.across_mm, lattice.along_mm))

@@ -1,0 +1,71 @@
+import numpy as np
+import pytest
+import tifffile
+
+import zeromethod as zm
+from benchmarks.rigs import small_rig
+from zeromethod.export import prepare
+from zeromethod.fine.surface import FineSurface
+from zeromethod.recording.recording import Recording
+
+MAPS = ("depth_mm", "slope", "sigma_depth_mm", "sigma_slope", "x_mm", "y_mm", "share")
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory) -> tuple:
+    """(file, fine surfaces that the session gave)."""
+    path = tmp_path_factory.mktemp("fine") / "fine.h5"
+    rig = small_rig(4).replace(scenario="hold")
+    with zm.Session(rig, fine=True, record=path) as session:
+        found = [step.fine for step in session.run(seconds=1.3) if step.fine is not None]
+    return path, found
+
+
+def test_a_recording_gives_back_the_fine_surfaces_that_the_session_gave(recorded):
+    path, found = recorded
+    with Recording(path) as recording:
+        steps = recording.steps_with("fine").tolist()
+        assert len(steps) == len(found) > 0
+        assert "fine" in recording.kept
+        for step, given in zip(steps, found, strict=True):
+            read = recording.fine(step)
+            assert isinstance(read, FineSurface)
+            for name in MAPS:
+                # places and shares are kept at the nodes, in single precision: 4 nm at 60 mm
+                np.testing.assert_allclose(getattr(read, name), getattr(given, name), rtol=2e-7, atol=1e-6)
+            np.testing.assert_array_equal(read.valid, given.valid)
+            assert (read.first_px, read.frames, read.time_ns) == (given.first_px, given.frames, given.time_ns)
+            assert read.time_ns == recording.row(step)["time_ns"]
+            np.testing.assert_allclose(read.coarse.depth_mm, given.coarse.depth_mm, rtol=1e-6)
+        peak = recording.fine_peaks[-1]
+        assert (peak["depth_mm"], peak["x_mm"], peak["y_mm"]) == pytest.approx(found[-1].peak)
+        assert 0 < peak["depth_sigma_mm"] < 0.01 * peak["depth_mm"]
+        assert not recording.damaged()
+
+
+def test_fine_surfaces_are_exported_as_arrays_lattice_mesh_and_track(recorded, tmp_path):
+    path, found = recorded
+    deepest_mm = found[-1].peak[0]
+    with Recording(path) as recording:
+        files = {name: tmp_path / name for name in ("a.npz", "a.tif", "a.ply", "a.csv")}
+        figures = {name: prepare(recording, file, fine=True).write() for name, file in files.items()}
+        with pytest.raises(zm.InputError, match="mcap has no fine surfaces"):
+            prepare(recording, tmp_path / "a.mcap", fine=True)
+    with np.load(files["a.npz"]) as data:
+        assert data["depth_mm"].shape == (len(found), *found[0].depth_mm.shape)
+        np.testing.assert_array_equal(data["depth_mm"][-1], found[-1].depth_mm)
+        assert (data["v_px"][0], data["u_px"][0]) == found[0].first_px
+    # pixels are 0.2 mm here, resampled by cubics
+    assert figures["a.tif"]["pitch_mm"] < 0.3
+    assert np.nanmax(tifffile.imread(files["a.tif"])[-1, 0]) == pytest.approx(deepest_mm, rel=2e-3)
+    assert figures["a.ply"]["depth_largest_mm"] == pytest.approx(deepest_mm, rel=2e-2)
+    lines = files["a.csv"].read_text().splitlines()
+    assert len(lines) == 1 + len(found)
+    assert float(lines[-1].split(",")[1]) == pytest.approx(deepest_mm)
+
+
+def test_the_report_shows_every_pixel(recorded, tmp_path):
+    path, found = recorded
+    figures = zm.report(path, tmp_path / "page.html")
+    assert figures["fine"]["surfaces"] == len(found)
+    assert "every pixel" in (tmp_path / "page.html").read_text()
