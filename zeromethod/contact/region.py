@@ -12,6 +12,7 @@ from zeromethod.arrays import Bytes, Image, Mask, Single
 from zeromethod.contact.flat import local_deviation
 from zeromethod.contact.likelihood import UNKNOWN, GreyModel, grey_model
 from zeromethod.contact.parts import MOST_FILLED, Parts, closed_over, narrow_parts
+from zeromethod.contact.pieces import pieces
 from zeromethod.contact.rest import RestPicture
 from zeromethod.rig.model import Rig
 from zeromethod.sensing.residual import Residual
@@ -23,7 +24,8 @@ DARKER_SHARE = 0.6
 """Share of the picture's mean light below which flat light may be an object's. A white one scatters 0.3 of
 it; a picture that is lost in a fold, or finer than the LCD, keeps the mean."""
 SEED_PX = 6
-"""Flat pixels in one piece from which on a region is looked at: a flat one has all 7 x 7 around it of one level."""
+"""Flat pixels in one piece from which on a region is looked at. All 7 x 7 px around each are of one level, so
+that a contact of 9 px across has them."""
 _NOISES = 2.0
 """Deviation, in those of the camera, up to which a place counts as flat."""
 _SHADOW_SHARE = 0.03
@@ -123,11 +125,10 @@ class RegionFinder:
         local, deviation = local_deviation(picture)
         allowed = _NOISES * np.sqrt(self.noise[0] + self.noise[1] * np.maximum(local, 0))
         flat = (deviation < allowed) & (local < DARKER_SHARE * mean) & ~rest.static[place]
-        count, labels, stats, _ = cv2.connectedComponentsWithStats(flat.astype(np.uint8), connectivity=4)
+        labels, sizes = pieces(flat)
         taken = np.zeros(flat.shape, np.bool_)
         found: list[Region] = []
-        sizes = stats[1:count, cv2.CC_STAT_AREA]
-        for k in np.argsort(-sizes)[: np.count_nonzero(sizes >= SEED_PX)] + 1:
+        for k in np.argsort(-sizes)[: np.count_nonzero(sizes >= SEED_PX)]:
             seed = labels == k
             if taken[seed].any():
                 continue
@@ -155,7 +156,7 @@ class RegionFinder:
                 (left, right, self._grid.u_px[0], nodes.shape[1]),
             )
         ]
-        return np.asarray(nodes[np.ix_(*near)])
+        return np.asarray(nodes[near[0]][:, near[1]])
 
     def _of_parts(
         self, parts: Parts, picture: Single, mean: Single, rest: RestPicture, corner: tuple[int, int]
@@ -170,9 +171,10 @@ class RegionFinder:
         side = 2 * self._grid.period_px + 1
         near = cv2.dilate(parts.where.astype(np.uint8), np.ones((side, side), np.uint8))
         probability[near == 0] = 0
-        likely = (probability > 0.5).astype(np.uint8)
-        _, pieces, sizes, _ = cv2.connectedComponentsWithStats(likely, connectivity=8)
-        probability[(sizes[:, cv2.CC_STAT_AREA] < _LEAST_PART_PX)[pieces]] = 0
+        labels, sizes = pieces(probability > 0.5, connectivity=8)
+        small = sizes < _LEAST_PART_PX
+        small[0] = False
+        probability[small[labels]] = 0
         closed = closed_over(probability > 0.5, self._grid.period_px).astype(np.uint8)
         # dark fringes that happen to join on are narrow
         whole = cv2.morphologyEx(closed, cv2.MORPH_OPEN, np.ones((_LEAST_WIDE_PX, _LEAST_WIDE_PX), np.uint8))
@@ -217,11 +219,11 @@ class RegionFinder:
         alike = mask & (np.abs(cv2.boxFilter(grey, -1, (3, 3)) - scattered) < _ALIKE_NOISES * noise)
         whole = cv2.morphologyEx(alike.astype(np.uint8), cv2.MORPH_OPEN, _disc(_WIDE_PX))
         near = np.asarray(cv2.dilate(whole, _disc(_NEAR_PX)), np.uint8)
-        count, labels, stats, _ = cv2.connectedComponentsWithStats(mask * near, connectivity=4)
-        if count < 2:
+        labels, sizes = pieces(mask & (near > 0))
+        if len(sizes) < 2:
             return mask
-        largest = int(np.argmax(stats[1:, cv2.CC_STAT_AREA])) + 1
-        enough = stats[largest, cv2.CC_STAT_AREA] > _LEAST_WHOLE * np.count_nonzero(mask)
+        largest = int(np.argmax(sizes))
+        enough = sizes[largest] > _LEAST_WHOLE * np.count_nonzero(mask)
         return np.asarray(labels == largest) if enough else mask
 
     def _model(self, scattered: float, mirrored: float, rest: RestPicture) -> GreyModel:

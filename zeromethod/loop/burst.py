@@ -17,6 +17,7 @@ import numpy as np
 from zeromethod.arrays import Bytes, Flags, Float, Image, Mask, Single
 from zeromethod.decoding.burst import RADIUS_PX, moves, node_places, pixel_places
 from zeromethod.exposure.pairing import Observation
+from zeromethod.loop.flat_nodes import flat_nodes
 from zeromethod.pattern.coded import MOST_PARTS, PICTURES, SHIFTS, Coded
 from zeromethod.sensing.residual import Residual
 from zeromethod.warp.rest import Rest
@@ -44,10 +45,6 @@ is over; and time after which it is read again: a picture that follows it may hi
 CARRIED = 3.0
 """What the nodes inside may have moved by over what those around have."""
 
-BENT_LCD_PX = 2.0
-"""Difference of where nodes next to each other look, from rest, below which the mirror is too flat there to fold:
-what cannot be nulled then has dirt before it. A fold displaces each node by as much as its distance from the next."""
-
 DIRTY_FRAMES = 4
 """Frames in which a node failed where the mirror is flat after which it is never one to be read."""
 
@@ -68,8 +65,6 @@ HELD_LCD_PX = 0.03
 
 _ALL = 0.999
 """Share of the nodes around a pixel, by nearness, that must have been known for it to be."""
-
-_FAR = 1e6
 
 _PURE = 5e-3
 """Most light of another picture in an exposure that saw one alone."""
@@ -247,7 +242,8 @@ class Burst:
         """Begin a burst where one is needed, and may be."""
         failing = self._fail(residual, measured.flags)
         if failing is not None:
-            dirty = self._flat(failing, measured)
+            remembered = failing | (self._failing > 0)
+            dirty = failing & flat_nodes(remembered, measured, self._rest.q, REACH_NODES)
             failing &= ~dirty
             self._dirty += dirty
             self._blank |= self._dirty >= DIRTY_FRAMES
@@ -293,18 +289,6 @@ class Burst:
         touched = np.bincount(patches[dark], minlength=count) > 0
         alone: Mask = failing & ~touched[patches]
         return alone
-
-    def _flat(self, nodes: Mask, measured: Warp) -> Mask:
-        """Those of some nodes around which the mirror is as flat as at rest; no other nodes are known: not so."""
-        if not nodes.any():
-            return nodes
-        side = np.ones((2 * REACH_NODES + 1, 2 * REACH_NODES + 1), np.uint8)
-        away = (measured.q - self._rest.q).astype(np.float32)
-        valid = measured.valid[..., None]
-        most = cv2.dilate(np.where(valid, away, np.float32(-_FAR)), side)
-        least = cv2.erode(np.where(valid, away, np.float32(_FAR)), side)
-        bent = (most - least).max(axis=-1)
-        return np.asarray(nodes & (bent >= 0) & (bent < BENT_LCD_PX))
 
     def _at_rest(self, measured: Warp, thought: Float, apart: Mask) -> bool:
         """Whether nodes other than these stay where they were."""
