@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 
 from zeromethod.arrays import Mask, Single
+from zeromethod.contact.median import median
 from zeromethod.contact.pieces import pieces
 
 _LEAST_SHARE = 0.2
@@ -53,7 +54,8 @@ def narrow_parts(
     counts = np.bincount(np.maximum((values + 0.05) / noise, 0).astype(np.intp))
     near = np.convolve(counts, np.ones(round(2 * _NOISES)), "same")
     middle = (int(np.argmax(near)) + 0.5) * noise - 0.05
-    level = float(np.median(values[np.abs(values - middle) < _NOISES * noise]))
+    near_level = values[np.abs(values - middle) < _NOISES * noise]
+    level = median(near_level)
     alike = dark & (np.abs(light - level) < _NOISES * noise)
     side = period_px, period_px
     share = cv2.boxFilter(alike.astype(np.float32), -1, side)

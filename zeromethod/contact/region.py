@@ -9,8 +9,9 @@ import cv2
 import numpy as np
 
 from zeromethod.arrays import Bytes, Image, Mask, Single
-from zeromethod.contact.flat import local_deviation
+from zeromethod.contact.flat import flat_places
 from zeromethod.contact.likelihood import UNKNOWN, GreyModel, grey_model
+from zeromethod.contact.median import median
 from zeromethod.contact.parts import MOST_FILLED, Parts, closed_over, narrow_parts
 from zeromethod.contact.pieces import pieces
 from zeromethod.contact.rest import RestPicture
@@ -103,11 +104,16 @@ class RegionFinder:
 
     def _boxes(self, lost: Mask) -> Iterator[tuple[int, int, int, int]]:
         """(left, top, right, bottom) px around groups of nodes, three half periods wider."""
-        wide = cv2.dilate(lost.astype(np.uint8), np.ones((5, 5), np.uint8))
+        row, col = (int(np.flatnonzero(lost.any(axis=axis))[0]) for axis in (1, 0))
+        last_row, last_col = (int(np.flatnonzero(lost.any(axis=axis))[-1]) for axis in (1, 0))
+        row, col = max(row - 2, 0), max(col - 2, 0)
+        wide = cv2.dilate(
+            lost[row : last_row + 3, col : last_col + 3].view(np.uint8), np.ones((5, 5), np.uint8)
+        )
         count, _, stats, _ = cv2.connectedComponentsWithStats(wide, connectivity=8)
         rows, cols = self._grid.image_shape
         spacing = self._grid.spacing_px
-        u, v = self._grid.u_px, self._grid.v_px
+        u, v = self._grid.u_px[col:], self._grid.v_px[row:]
         for left, top, width, height, _ in stats[1:count]:
             first = max(int(u[left]) - spacing, 0), max(int(v[top]) - spacing, 0)
             last = int(u[left + width - 1]) + spacing, int(v[top + height - 1]) + spacing
@@ -122,9 +128,8 @@ class RegionFinder:
         place = slice(top, bottom), slice(left, right)
         picture = image[place].astype(np.float32) - np.float32(self._black)
         mean = rest.mean[place] * np.float32(drift)
-        local, deviation = local_deviation(picture)
-        allowed = _NOISES * np.sqrt(self.noise[0] + self.noise[1] * np.maximum(local, 0))
-        flat = (deviation < allowed) & (local < DARKER_SHARE * mean) & ~rest.static[place]
+        clean = ~rest.static[place]
+        flat = clean & flat_places(picture, DARKER_SHARE * mean, self.noise, _NOISES)
         labels, sizes = pieces(flat)
         taken = np.zeros(flat.shape, np.bool_)
         found: list[Region] = []
@@ -137,9 +142,9 @@ class RegionFinder:
                 taken |= region.mask
                 found.append(region)
         light = picture / mean
-        middle = float(np.median(mean[::4, ::4]))
+        middle = median(mean[::4, ::4])
         noise = float(np.sqrt(self.noise[0] + self.noise[1] * 0.3 * middle)) / middle
-        dark = self._pixels(lost, box) & ~rest.static[place]
+        dark = self._pixels(lost, box) & clean
         parts = narrow_parts(light, noise, dark, self._grid.period_px, taken)
         if parts is not None:
             wide = self._of_parts(parts, picture, mean, rest, (left, top))
@@ -162,7 +167,7 @@ class RegionFinder:
         self, parts: Parts, picture: Single, mean: Single, rest: RestPicture, corner: tuple[int, int]
     ) -> list[Region]:
         """The regions of narrow parts, the gaps between them taken in."""
-        mirrored = float(np.median(mean[parts.where]))
+        mirrored = median(mean[parts.where])
         model = self._model(parts.light * mirrored, mirrored, rest)
         columns = model.index(picture * (mirrored / mean))
         evidence = cv2.boxFilter(model.evidence[columns], -1, (_SMOOTH_PARTS_PX, _SMOOTH_PARTS_PX))
@@ -193,7 +198,7 @@ class RegionFinder:
         """The region about a flat seed."""
         left, top = corner
         dirt = rest.static[top : top + seed.shape[0], left : left + seed.shape[1]]
-        scattered, mirrored = float(np.median(picture[seed])), float(np.median(mean[seed]))
+        scattered, mirrored = median(picture[seed]), median(mean[seed])
         model = self._model(scattered, mirrored, rest)
         grey = picture * (mirrored / mean)
         columns = model.index(grey)

@@ -9,7 +9,7 @@ from zeromethod.arrays import Float, Mask
 from zeromethod.warp.warp import Warp
 
 BENT_LCD_PX = 2.0
-"""Difference of where nodes near each other look, from rest, below which the mirror is too flat to fold there.
+"""Difference of where nodes near each other look, from rest, below which the mirror is too flat to fold.
 A fold displaces each node by as much as its distance from the next, some 8 LCD px; dirt by less than half a
 one."""
 _FAR = np.float32(1e6)
@@ -18,8 +18,8 @@ _FAR = np.float32(1e6)
 def flat_nodes(nodes: Mask, measured: Warp, rest_q: Float, reach: int) -> Mask:
     """Those of some nodes (rows, cols) that lie in patches with a flat mirror around.
 
-    rest_q: (rows, cols, 2) LCD px, where all look at rest. reach: nodes around that are looked at, and that join
-    a patch; where none of them was measured the mirror may be bent.
+    rest_q: (rows, cols, 2) LCD px, where all look at rest. reach: nodes around that are looked at, and that
+    join a patch; where none of them was measured the mirror may be bent.
     """
     if not nodes.any():
         return nodes
