@@ -104,4 +104,6 @@ def _standing(lattice: PixelLattice, pixels: Demodulated, usable: Mask) -> Mask:
 
 def _matvec(matrix: Float, vector: Float) -> Float:
     """Product (..., 2) of matrices (..., 2, 2) and vectors (..., 2)."""
-    return np.asarray((matrix @ vector[..., None])[..., 0])
+    x, y = vector[..., 0], vector[..., 1]
+    rows = (matrix[..., k, 0] * x + matrix[..., k, 1] * y for k in (0, 1))
+    return np.stack(list(rows), axis=-1)
