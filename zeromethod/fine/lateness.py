@@ -19,6 +19,8 @@ from zeromethod.fine.frames import Steps
 
 LIKELY_S = 1e-3
 """Standard deviation of a lateness before anything was seen: more would be a wrong `latency_s`."""
+_LEAST_JITTER_S = 1e-7
+"""Standard deviation of a jitter that is not seen."""
 
 
 @numba.njit(cache=True, fastmath={"contract", "reassoc"})
@@ -54,7 +56,7 @@ def lateness(images: Image, steps: Sequence[Steps], design: Design, noise_grey: 
     images: (N, rows, cols) grey levels. design: of these steps as logged. noise_grey: of a pixel.
     """
     count = len(steps)
-    normal, right = np.eye(count) * (noise_grey / LIKELY_S) ** 2, np.zeros(count)
+    normal, right = np.zeros((count, count)), np.zeros(count)
     of_each, of_grey = np.zeros((UNKNOWNS, UNKNOWNS)), np.zeros((UNKNOWNS, count))
     level, single = float(images[:, ::64, ::64].mean()), design.solution.astype(np.float32)
     for row in range(images.shape[1]):
@@ -71,4 +73,21 @@ def lateness(images: Image, steps: Sequence[Steps], design: Design, noise_grey: 
             turned[:, im] = -per_late[:, axis] * basis[:, re]
         normal += (turned @ of_each @ turned.T) * (np.eye(count) - basis @ solution)
         right += (turned * (of_grey.T - basis @ of_each)).sum(axis=1)
-    return np.asarray(np.linalg.solve(normal, right))
+    return _likeliest(normal / noise_grey**2, right / noise_grey**2)
+
+
+def _likeliest(normal: Float, right: Float) -> Float:
+    """Latenesses (N,), s, by normal equations in units of their noise.
+
+    All may be late by the same, and each by a jitter that the scatter beyond their noise says.
+    """
+    count = len(right)
+    common = np.full((count, count), LIKELY_S**2)
+    jitter2 = LIKELY_S**2
+    for _ in range(2):
+        prior = np.linalg.inv(common + jitter2 * np.eye(count))
+        covariance = np.linalg.inv(normal + prior)
+        late = covariance @ right
+        noise2 = float(np.trace(covariance) - covariance.sum() / count) / (count - 1)
+        jitter2 = max(float(late.var(ddof=1)) - noise2, 0.0) + _LEAST_JITTER_S**2
+    return np.asarray(late)

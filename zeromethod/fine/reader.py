@@ -10,7 +10,7 @@ from zeromethod.arrays import Float, Image, Mask, Single
 from zeromethod.fine.demodulate import Demodulated, Design, demodulate, usable_pixels
 from zeromethod.fine.detail import pixel_detail
 from zeromethod.fine.footprint import Footprint
-from zeromethod.fine.frames import FineFrame
+from zeromethod.fine.frames import FineFrame, FrameSequence
 from zeromethod.fine.integrate import PixelIntegrator, gradient, largest_part, step_weights
 from zeromethod.fine.lateness import lateness
 from zeromethod.fine.lattice import PixelLattice
@@ -91,14 +91,15 @@ class FineReader:
             Where the target's phases in these frames do not determine a pixel's displacement.
         """
         images = np.stack([frame.image for frame in frames])
-        steps = [frame.steps(self._grid) for frame in frames]
+        sequence = FrameSequence.of(frames, self._grid)
+        steps = sequence.steps
         late_s = lateness(images, steps, Design.of(steps), self._noise_grey(images))
         design = Design.of(steps, late_s)
         pixels = self._demodulated(images, design)
         limits = Limits()
         ceiling = 2**self._camera.bits - 1
         usable = usable_pixels(pixels, ceiling, limits.visibility, _MOST_SIGMA_PX)
-        nodes = read_nodes(self._lattice, frames, design, late_s, pixels, usable)
+        nodes = read_nodes(self._lattice, frames, sequence, design, late_s, pixels, usable)
         return self._read_pixels(nodes, pixels, usable, len(frames))
 
     def _noise_grey(self, images: Image) -> float:
