@@ -17,9 +17,12 @@ software OpenGL more than the whole loop. It is compared drawing with drawing. "
 the host's clock as a real one does, which leaves the processor to others between the frames; else time is
 skipped. Late: turns above a frame's time at 60 Hz.
 
-Where surfaces are read and recorded at 60 Hz, without drawing as with a graphics card, and drawing in
-software, the share of frames read to depth is given, the longest run of frames that were not, and loop and
-reading in the median and at 99 %; no bar judges them, as whatever else runs on the machine decides them.
+Where surfaces are read and recorded at 60 Hz, contacts are looked for as well, as a session does. Without
+drawing, as with a graphics card, and drawing in software, the share of the camera's frames that were read to
+depth is given, those among them that the loop never had, the longest run of frames that were not read, and
+loop and reading in the median and at 99 %; no bar judges them, as whatever else runs on the machine decides
+them. Where the processor's time goes is given by thread and process. In it, "emulated devices" are those of
+memory: the camera puts its frames together in the thread "capture", which a real one does not.
 """
 
 from __future__ import annotations
@@ -43,6 +46,9 @@ ADDED_MS = 2.0
 
 STOPPED_MS = 0.3
 """Most that a subscriber that stopped reading may add to none: as much as noise does."""
+
+_LEAST_SPENT_MS = 0.05
+"""Processor time of a thread that is worth naming."""
 
 FIGURES = ("answer_ms", "turn_ms", "cpu_ms")
 LATE_MS = 1e3 / 60
@@ -171,16 +177,28 @@ def _row(variant: Variant, turns: Turns) -> list[str]:
     return row
 
 
-def _reading_figures(name: str, rounds: list[list[Timed]]) -> list[Figure]:
-    """How many frames were read, and the slowest of loop and reading; judged by no bar."""
-    asked = [[bool(np.isfinite(turn.read_ms)) for turn in turns if turn.measured] for turns in rounds]
+def _reading_figures(name: str, rounds: list[list[Timed]], spent: list[dict[str, float]]) -> list[Figure]:
+    """How many frames were read, the slowest of loop and reading, and processor time; judged by no bar."""
+    asked = [
+        [
+            was_read
+            for turn in turns
+            for was_read in (*turn.dropped * (False,), *turn.measured * (bool(np.isfinite(turn.read_ms)),))
+        ]
+        for turns in rounds
+    ]
     gaps = [len(list(run)) for turns in asked for was_read, run in groupby(turns) if not was_read]
     count, read = sum(map(len, asked)), sum(map(sum, asked))
+    never = sum(turn.dropped for turns in rounds for turn in turns)
+    least = {part: min(one.get(part, np.nan) for one in spent) for part in spent[0]}
+    parts = ", ".join(f"{part} {ms:.1f}" for part, ms in sorted(least.items()) if ms >= _LEAST_SPENT_MS)
+    read_words = f"{read} of {count} ({read / max(count, 1):.1%}); {never} never in the loop"
     return [
-        Figure(f"{name}: frames read", f"{read} of {count} ({read / max(count, 1):.1%})", "99 % when quiet"),
+        Figure(f"{name}: the camera's frames that were read", read_words, "99 % when quiet"),
         Figure(f"{name}: longest run of frames not read", f"{max(gaps, default=0)}", "1 when quiet"),
         Figure(f"{name}: loop, median / 99 %", _two(column(rounds, "loop_ms"))),
         Figure(f"{name}: reading, median / 99 %", _two(column(rounds, "read_ms"))),
+        Figure(f"{name}: processor time of a frame, ms, least round", parts),
     ]
 
 
@@ -191,15 +209,16 @@ def _two(values: Float) -> str:
 def measure(rig: Rig, rounds: int, frames: int) -> Report:
     """Run everything; see the module. rig: with a simulated bench."""
     turns: Turns = {variant.name: [] for variant in VARIANTS}
+    spent: dict[str, list[dict[str, float]]] = {variant.name: [] for variant in VARIANTS}
     with progress(1 + rounds * len(VARIANTS), "live cost") as bar:
         prepared = Prepared(changed(rig, control={"strips": "edges"}))
         bar()
         for count in range(rounds):
             turned = -1 if count % 2 else 1
             for group in GROUPS[::turned]:
-                for variant, one in zip(
-                    group, run_together(group[::turned], prepared, frames)[::turned], strict=True
-                ):
+                used = spent[group[0].name] if len(group) == 1 else None
+                ran = run_together(group[::turned], prepared, frames, used)[::turned]
+                for variant, one in zip(group, ran, strict=True):
                     turns[variant.name].append(one)
                     bar()
 
@@ -219,8 +238,8 @@ def measure(rig: Rig, rounds: int, frames: int) -> Report:
         bar_of("a subscriber that stopped reading over none: answer", "answer_ms", stopped, STOPPED_MS),
         bar_of("a subscriber that stopped reading over none: processor time", "cpu_ms", stopped, STOPPED_MS),
     ]
-    figures += _reading_figures("reading and recording, 60 Hz", turns[PACED[-1].name])
-    figures += _reading_figures("the same, drawing in software", turns[WHOLE.name])
+    for name, variant in (("reading and recording, 60 Hz", PACED[-1]), ("drawn in software", WHOLE)):
+        figures += _reading_figures(name, turns[variant.name], spent[variant.name])
     header = ["ms: median / 99 % / 99.9 % / worst", "answer", "turn", "cpu", "late", "over"]
     header += [f"{name}: least | median +- sigma (quartiles)" for name in ("answer", "turn", "cpu")]
     details = [header, *(_row(variant, turns) for variant in VARIANTS)]
@@ -231,6 +250,7 @@ def measure(rig: Rig, rounds: int, frames: int) -> Report:
             name: {figure: asdict(added(turns[name], turns[other], figure)) for figure in FIGURES}
             for name, other in COMPARED.items()
         },
+        "processor_ms": spent,
     }
     title = f"Cost of the live path: {rig.camera.columns}x{rig.camera.rows}, {rounds} x {frames} frames each"
     return Report(title, figures, details, data)

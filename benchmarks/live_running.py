@@ -26,10 +26,12 @@ from benchmarks.memory_devices import (
     Prepared,
     fingerprint,
 )
+from benchmarks.processor_time import spent_ms
 from benchmarks.rigs import changed
 from zeromethod.clock import Clock
+from zeromethod.contact import ContactFinder
 from zeromethod.loop.loop import Loop
-from zeromethod.loop.state import NULLED
+from zeromethod.loop.state import NULLED, READ
 from zeromethod.loop.step import Step
 from zeromethod.publishing import Publisher
 from zeromethod.recording.recorder import Recorder
@@ -80,6 +82,7 @@ class Timed:
     """One turn, ms. `number` of the turn; answer_ms NaN where nothing new was shown.
 
     measured: its surface was asked for. read_ms: how long reading that took; NaN where it was not read.
+    dropped: frames of the camera just before it that the loop never had.
     """
 
     number: int
@@ -91,6 +94,7 @@ class Timed:
     events: list[str]
     measured: bool = False
     read_ms: float = float("nan")
+    dropped: int = 0
 
 
 @contextmanager
@@ -125,7 +129,7 @@ class Running:
     """One variant's loop and what its turns took; a context that ends it."""
 
     def __init__(self, variant: Variant, prepared: Prepared, frames: int) -> None:
-        self._live = variant.live
+        self._live, self._frames = variant.live, frames
         self._pools = variant.pools
         rig = changed(prepared.rig, control={"strips": "edges" if variant.strips else "none"})
         clock = (FastLiveClock if variant.live else FastClock)(variant.waits)
@@ -136,6 +140,8 @@ class Running:
         self._reading: StepReader | None = None
         self._read_ms: dict[int, float] = {}
         self._recorder: Recorder | None = None
+        self._processes: dict[str, int] = {}
+        self._spent: list[tuple[int, float, dict[str, float]]] = []
         self._stack = ExitStack()
         renderer = Drawn if variant.drawn else Noted
         with patch("zeromethod.loop.drawing.PatternRenderer", renderer):
@@ -147,11 +153,15 @@ class Running:
             surfaces = Surfaces(rig, prepared.optics, loop.grid)
             self._stack.enter_context(surfaces.in_own_process(warm_up_warp(loop.rest)))
             publisher = self._stack.enter_context(_published(loop, clock, variant.subscriber))
-            self._reading = StepReader(_reading(surfaces), publisher, live=True)
+            if (process_id := surfaces.process_id) is not None:
+                self._processes["process: surfaces"] = process_id
+            contacts = ContactFinder(rig, prepared.optics, loop.grid)
+            self._reading = StepReader(_reading(surfaces, contacts), publisher, live=True)
             self._stack.callback(self._reading.close)
         if variant.records:
             folder = self._stack.enter_context(TemporaryDirectory(prefix="zeromethod-live-cost-"))
             self._recorder = self._stack.enter_context(Recorder(Path(folder) / "all.h5", rig, loop.rest))
+            self._processes["process: recording"] = self._recorder.writer_id
         self._steps = loop.run(frames=frames) if variant.steady else _steps(loop, frames)
 
     def __enter__(self) -> Running:
@@ -165,6 +175,9 @@ class Running:
     def turn(self) -> None:
         """One turn of the loop, and its figures."""
         camera, display = self._camera, self._display
+        if len(self._turns) in {LEFT_OUT, self._frames - 1}:
+            devices_ms = 1e3 * (camera.cpu_s + display.cpu_s)
+            self._spent.append((len(self._turns), devices_ms, spent_ms(self._processes)))
         self._clock.go_on()
         cpu_s, others_s, busy_s = time.thread_time(), camera.cpu_s + display.cpu_s, display.busy_s
         step = next(self._steps)
@@ -193,6 +206,7 @@ class Running:
             step.state in NULLED,
             sorted(event.value for event in step.events),
             self._reading is not None and step.measured is not None,
+            dropped=step.dropped,
         )
         self._turns.append((turn, given_s, fingerprint(step.commanded.q)))
 
@@ -203,6 +217,14 @@ class Running:
             self._read_ms[read.number] = read.read_ms
             if self._recorder is not None:
                 self._recorder.add_reading(read)
+
+    @property
+    def spent_ms(self) -> dict[str, float]:
+        """Processor time of a turn, ms, by thread and process; "emulated devices" is in others, too."""
+        (first, devices_ms, begun), (last, devices_end_ms, ended) = self._spent
+        spent = {name: ended[name] - begun.get(name, 0.0) for name in ended}
+        spent["emulated devices"] = devices_end_ms - devices_ms
+        return {name: ms / (last - first) for name, ms in spent.items()}
 
     def turns(self) -> list[Timed]:
         """All turns but the first ones, each with the answer to its frame, and its reading."""
@@ -219,12 +241,19 @@ class Running:
         return found[LEFT_OUT:]
 
 
-def _reading(surfaces: Surfaces) -> Callable[[Step], Step]:
+def _reading(surfaces: Surfaces, contacts: ContactFinder) -> Callable[[Step], Step]:
+    """Reads surface and contacts, as a session does."""
+
     def read(step: Step) -> Step:
-        measured = step.measured
+        measured, image, residual = step.measured, step.image, step.residual
         assert measured is not None
+        assert image is not None
+        assert residual is not None
         surface, deepest, read_ms = timed(lambda: surfaces.read(measured))
-        return replace(step, surface=surface, peak=deepest, read_ms=read_ms)
+        touched = contacts.follow(image, residual, surface, nulled=step.state in READ)
+        surface, deepest, touched = contacts.carry(surface, deepest, touched)
+        touched = contacts.with_images(image, residual, surface, touched)
+        return replace(step, surface=surface, peak=deepest, read_ms=read_ms, contacts=touched)
 
     return read
 
@@ -234,11 +263,18 @@ def _steps(loop: Loop, frames: int) -> Iterator[Step]:
         yield loop.step()
 
 
-def run_together(variants: Sequence[Variant], prepared: Prepared, frames: int) -> list[list[Timed]]:
-    """Run variants over so many frames, a frame of the first, one of the second, and so on."""
+def run_together(
+    variants: Sequence[Variant], prepared: Prepared, frames: int, spent: list[dict[str, float]] | None = None
+) -> list[list[Timed]]:
+    """Run variants over so many frames, a frame of the first, one of the second, and so on.
+
+    spent: the `Running.spent_ms` of a single variant is added to it.
+    """
     with ExitStack() as stack:
         running = [stack.enter_context(Running(variant, prepared, frames)) for variant in variants]
         for _ in range(frames):
             for each in running:
                 each.turn()
+        if spent is not None:
+            spent.append(running[0].spent_ms)
         return [each.turns() for each in running]

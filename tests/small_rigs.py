@@ -52,6 +52,9 @@ def with_tables(rig: Rig, **tables: Any) -> Rig:
 SMALL_LCD = {"columns": 480, "rows": 270, "pitch_mm": 0.252}
 """Table [display]: the LCD of these benches. A run on the whole one takes three times as long."""
 
+HALF_LCD = {"display.columns": 960, "display.rows": 540, "display.pitch_mm": 0.126}
+"""The packaged LCD with pixels twice as large, for contacts: their borders need a finer picture than that."""
+
 
 def quarter(**tables: Any) -> Rig:
     """The packaged bench with 320 x 256 camera pixels and its whole LCD; `tables` as for `with_tables`."""

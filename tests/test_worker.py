@@ -69,15 +69,16 @@ def test_the_newest_request_replaces_the_one_that_waits(job):
     assert worker.take() == []
 
 
-def test_requests_can_be_merged_with_the_one_that_waits(job):
+@pytest.mark.parametrize("waiting", [1, 2])
+def test_requests_can_be_merged_with_the_last_one_that_waits(job, waiting):
     job.go.clear()
-    worker = Worker("test", job.serving, merge=lambda waiting, newer: waiting + newer)
+    worker = Worker("test", job.serving, waiting=waiting, merge=lambda last, newer: last + newer)
     worker.post("a")
     eventually(lambda: job.served == ["a"])
     for letter in "bcd":
         worker.post(letter)
     job.go.set()
-    eventually(lambda: job.served == ["a", "bcd"])
+    eventually(lambda: job.served == (["a", "bcd"] if waiting == 1 else ["a", "b", "cd"]))
     worker.close(1)
 
 

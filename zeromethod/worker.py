@@ -1,4 +1,4 @@
-"""Work in another thread: a worker that serves the newest request, and calls with a time limit.
+"""Work in another thread: a worker that serves the newest requests, and calls with a time limit.
 
 All threads are daemons: a job that hangs is left to its thread, which does not keep the program from ending.
 """
@@ -22,7 +22,7 @@ Serving = Callable[[], AbstractContextManager[Callable[[Request], Answer | None]
 
 
 class Worker(Generic[Request, Answer]):
-    """A thread that serves one request at a time; a newer request replaces the one that waits.
+    """A thread that serves one request at a time; a newer request replaces the last one that waits.
 
     What an error in the thread ends, its failure, is raised once to whoever asks next.
     """
@@ -33,19 +33,22 @@ class Worker(Generic[Request, Answer]):
         serving: Serving[Request, Answer],
         *,
         kept: int | None = None,
+        waiting: int = 1,
         merge: Callable[[Request, Request], Request] = lambda _waiting, newer: newer,
         idle: tuple[float, Request] | None = None,
     ) -> None:
         """Start the thread.
 
         serving: an answer of None is none. kept: how many answers wait to be taken, the newest; None: all.
-        merge: makes one request of the waiting one and a newer one. idle: (seconds, request), a request that
-        is served whenever none was posted for so long.
+        waiting: how many requests may wait, each for its turn. merge: where these are so many, makes one
+        request of the last one and a newer one. idle: (seconds, request), a request that is served whenever
+        none was posted for so long.
         """
         self._serving = serving
         self._merge = merge
         self._idle = idle
         self._changed = threading.Condition()
+        self._most_waiting = waiting
         self._waiting: list[Request] = []
         self._answers: deque[Answer] = deque(maxlen=kept)
         self._failure: BaseException | None = None
@@ -77,7 +80,9 @@ class Worker(Generic[Request, Answer]):
     def post(self, request: Request) -> None:
         """Serve a request next. Returns at once."""
         with self._changed:
-            self._waiting = [self._merge(self._waiting[0], request) if self._waiting else request]
+            if len(self._waiting) == self._most_waiting:
+                request = self._merge(self._waiting.pop(), request)
+            self._waiting.append(request)
             self._changed.notify_all()
 
     def take(self, timeout_s: float = 0.0) -> list[Answer]:
@@ -103,7 +108,7 @@ class Worker(Generic[Request, Answer]):
     def close(self, timeout_s: float, finish: bool = False) -> None:
         """End the thread, waiting for it up to `timeout_s`; returns at once when called again.
 
-        finish: serve the waiting request before.
+        finish: serve the waiting requests before.
         """
         with self._changed:
             if self._closed:
@@ -140,7 +145,7 @@ class Worker(Generic[Request, Answer]):
             self._changed.wait_for(lambda: self._waiting or self._closed, pause_s)
             if self._closed and not self._finishing:
                 return []
-            requests, self._waiting = self._waiting, []
+            requests, self._waiting = self._waiting[:1], self._waiting[1:]
             if not requests and not self._closed and self._idle is not None:
                 requests = [self._idle[1]]
             self._began_s = time.monotonic()

@@ -1,7 +1,8 @@
 """How time and memory grow with the frame: every method at sizes from 320x256 to 2560x2048.
 
 The frames are one small noisy picture of the target repeated; integrators get as many nodes as this system
-has on a frame of that size. Memory is measured in a process of its own, see `memory`.
+has on a frame of that size. "warp to surface and peak" is its whole reading of a held press, on the simulated
+bench with more or fewer pixels over the same view. Memory is measured in a process of its own, see `memory`.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -19,7 +21,10 @@ import numpy as np
 from benchmarks.against_peers.frames import PERIOD_PX, SIGMA_GREY, repeated
 from benchmarks.against_peers.integration import INTEGRATORS, Task
 from benchmarks.against_peers.methods import CONTENDERS, Contender
+from benchmarks.anchors import View
+from zeromethod.rig.load import load_rig
 from zeromethod.simulation.press import Dent, Mirror, Shape
+from zeromethod.surface import peak
 from zeromethod.warp.grid import NodeGrid
 
 Figures = dict[str, Any]
@@ -28,6 +33,9 @@ Size = tuple[int, int]
 
 SIZES: tuple[Size, ...] = ((256, 320), (512, 640), (1024, 1280), (2048, 2560))
 """(rows, cols) of the frames."""
+
+SETTLING = 24
+"""Readings of a new mask until the samples of its noise are complete."""
 
 NODE_PITCH_MM = 0.24
 REPEATED_PX = (256, 320)
@@ -77,6 +85,31 @@ def displacement_job(make: Callable[[Size], Contender], shape: Size) -> tuple[st
     return contender.name, lambda: contender.read(frames)
 
 
+def reading_job(shape: Size) -> Job:
+    """One reading of a held press with a frame's noise, each time another's, once sigma is settled."""
+    camera = load_rig("simulated").camera
+    factor = shape[1] / camera.columns
+    scale = {
+        "columns": shape[1],
+        "rows": shape[0],
+        "centre_px": tuple((c + 0.5) * factor - 0.5 for c in camera.centre_px),
+        "focal_px": camera.focal_px and tuple(f * factor for f in camera.focal_px),
+        "pixel_mm": camera.pixel_mm and camera.pixel_mm / factor,
+    }
+    view = View(load_rig("simulated").model_copy(update={"camera": camera.model_copy(update=scale)}))
+    middle = 0.5 * (view.seen.min(axis=0) + view.seen.max(axis=0))
+    press = Mirror((Dent(Shape.GAUSSIAN, float(middle[0]), float(middle[1]), 0.2, 5.0),))
+    draw = np.random.default_rng(0)
+    warps = cycle([view.warp(press, draw) for _ in range(2)])
+
+    def read() -> None:
+        peak(view.reader.follow(next(warps)))
+
+    for _ in range(SETTLING):
+        read()
+    return read
+
+
 def jobs(shape: Size) -> dict[str, Job]:
     """Everything that is timed at one size, by name."""
     all_jobs = dict(displacement_job(make, shape) for make in CONTENDERS.values())
@@ -84,6 +117,7 @@ def jobs(shape: Size) -> dict[str, Job]:
     for name, make in INTEGRATORS.items():
         integrate = make(task)
         all_jobs[name] = lambda integrate=integrate: integrate(task.slope)  # type: ignore[misc]
+    all_jobs["warp to surface and peak"] = reading_job(shape)
     return all_jobs
 
 

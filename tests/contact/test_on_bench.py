@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from small_rigs import HALF_LCD
 
 from zeromethod import Session, binned, load_rig
 
-VIEW = {
+VIEW = HALF_LCD | {
     "camera.columns": 320,
     "camera.rows": 256,
     "camera.centre_px": [159.5, 127.5],

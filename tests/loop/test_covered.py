@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from small_rigs import SMALL_LCD, quarter
 
-from zeromethod import Session, binned, load_rig
+from zeromethod import Session
 from zeromethod.loop.state import State
 from zeromethod.resources import resource
 
@@ -11,14 +12,14 @@ from zeromethod.resources import resource
 @pytest.mark.parametrize("albedo", ["black", "white"])
 def test_covered_is_said_within_three_frames_and_over_ten_after(albedo, tmp_path):
     text = resource("calibration", "presses", "covered.toml").read_text().replace("grey", albedo)
-    for old, new in (("0.30", "0.20"), ("0.35", "0.25"), ("1.10", "0.40"), ("1.15", "0.45")):
+    for old, new in (("0.30", "0.20"), ("0.35", "0.20"), ("1.10", "0.40"), ("1.15", "0.40")):
         text = text.replace(f"time_s = {old}", f"time_s = {new}")
     press = tmp_path / "covered.toml"
     press.write_text(text)
-    rig = binned(load_rig("simulated"), 4).replace(scenario=str(press))
+    rig = quarter(display=SMALL_LCD, scenario=str(press))
     states, good_inside = [], 0
     with Session(rig) as session:
-        for step in session.run(seconds=0.68):
+        for step in session.run(seconds=0.63):
             mirror = session.result.true_mirror(step.time_ns)
             states.append((bool(mirror.touches), step.state))
             if mirror.touches and step.surface is not None:

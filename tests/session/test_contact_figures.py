@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from small_rigs import HALF_LCD
 
 from zeromethod import Session, binned, export_recording, load_rig, open_recording, report
 from zeromethod.view.live import contact_words
@@ -15,7 +16,7 @@ def recording(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def session(recording):
-    rig = binned(load_rig("simulated"), 2).replace({"camera.pupil_mm": 1.25}, scenario="punch")
+    rig = binned(load_rig("simulated"), 2).replace({**HALF_LCD, "camera.pupil_mm": 1.25}, scenario="punch")
     with Session(rig, record=recording) as session:
         for _ in session.run(seconds=0.5):
             pass

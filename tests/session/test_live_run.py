@@ -20,7 +20,7 @@ from zeromethod.devices.protocols import CameraLost, DisplayLost
 from zeromethod.loop.state import NULLED, State
 from zeromethod.loop.step import StepFigures
 from zeromethod.session import surfaces as process
-from zeromethod.session.reading import StepReader
+from zeromethod.session.reading import WAITING_STEPS, StepReader
 from zeromethod.view.live import LiveStatus
 
 
@@ -64,18 +64,21 @@ def running(*names: str) -> list[str]:
     return [thread.name for thread in threading.enumerate() if thread.name in names]
 
 
-def test_turns_without_a_measurement_are_published_in_their_place():
+def test_a_slow_reading_loses_no_step_until_as_many_wait_as_may():
     reader, published = Reader(), Published()
     reading = StepReader(reader, published, live=True)
     reading.post(Turn(0))  # type: ignore[arg-type]
     eventually(lambda: reader.begun == [0])
-    reading.post(Turn(1))  # type: ignore[arg-type]
-    for number in (2, 3):
+    last = WAITING_STEPS + 3
+    for number in range(1, last):
+        reading.post(Turn(number, measured=number != 2))  # type: ignore[arg-type]
+    for number in (last, last + 1):
         reading.post(Turn(number, measured=False))  # type: ignore[arg-type]
     reader.go.set()
     reading.close()
-    # the newest measured one, then the newest without: what has gone wrong since
-    assert published.numbers == [0, 1, 3]
+    # in the last place the newest measured one, then the newest without: what has gone wrong since
+    assert published.numbers == [*range(WAITING_STEPS), last - 1, last + 1]
+    assert reader.begun == [number for number in published.numbers[:-1] if number != 2]
     assert published.steps[-1].surface is None
     eventually(lambda: not running("read surface"))
 

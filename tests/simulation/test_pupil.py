@@ -20,9 +20,12 @@ from zeromethod.simulation.numpy_renderer import NumpyRenderer
 from zeromethod.simulation.press import Mirror
 from zeromethod.simulation.renderer import Piece
 
+VIEW = {"columns": 160, "rows": 128, "centre_px": (79.5, 63.5)}
+"""The middle of the view, with both contacts."""
 
-def with_pupil(pupil_mm: float, **tables) -> Rig:
-    return quarter(camera={"pupil_mm": pupil_mm}, **tables)
+
+def with_pupil(pupil_mm: float, **view) -> Rig:
+    return quarter(camera={"pupil_mm": pupil_mm} | view)
 
 
 @cache
@@ -57,9 +60,9 @@ def light(renderer, rig: Rig, mirror: Mirror, level: int | None = None) -> np.nd
 
 
 @cache
-def exact(pupil_mm: float, albedo: float) -> tuple[np.ndarray, np.ndarray]:
+def exact(pupil_mm: float, albedo: float, whole: bool = False) -> tuple[np.ndarray, np.ndarray]:
     """(gain, light) in double precision, of a mirror that objects touch; for every OpenGL the same."""
-    rig, mirror = with_pupil(pupil_mm), touched(albedo)
+    rig, mirror = with_pupil(pupil_mm, **({} if whole else VIEW)), touched(albedo)
     renderer = NumpyRenderer(rig)
     return renderer.ray_map(mirror)[1], light(renderer, rig, mirror)
 
@@ -76,17 +79,17 @@ def test_the_footprint_of_5_mm_is_half_a_millimetre_along_and_a_third_across():
 
 @pytest.mark.parametrize("pupil_mm", [0.0, 1.25, 5.0])
 def test_both_renderers_agree_on_objects_and_pupil(pupil_mm, gl_context):
-    rig, mirror = with_pupil(pupil_mm), touched()
+    rig, mirror = with_pupil(pupil_mm, **VIEW), touched()
     gpu, (gain, seen) = GpuRenderer(rig, gl_context), exact(pupil_mm, 0.8)
     assert np.abs(gpu.ray_map(mirror)[1] - gain).max() < 2e-3
     wrong = np.abs(light(gpu, rig, mirror) - seen) > 2e-3
     gpu.close()
     # where rays cross right at a contact's rim both make something up
-    assert wrong.mean() < 2e-4
+    assert wrong.sum() <= 16
 
 
 def test_white_objects_scatter_more_than_black_ones_and_all_hide_the_picture(gl_context):
-    rig = with_pupil(1.25)
+    rig = with_pupil(1.25, **VIEW)
     renderer = GpuRenderer(rig, gl_context)
     inside = {}
     for name, albedo in ALBEDO.items():
@@ -120,7 +123,7 @@ def test_the_pupils_mean_is_that_of_the_pictures_its_points_see():
         share = map_coordinates(lit, at, order=1, mode="nearest")
         off = map_coordinates(lit * bent, at, order=1, mode="nearest") / np.maximum(share, 1e-9)
         total += share / 200 * carrier_light(rest[..., 0] + off, rig.display.gamma)
-    image, sharp = exact(5.0, 0.04)[1], exact(0.0, 0.04)[1]
+    image, sharp = exact(5.0, 0.04, whole=True)[1], exact(0.0, 0.04, whole=True)[1]
     near = (np.abs(map_coordinates(gain, (v, u + 6), order=1) - gain) > 0.01) & np.isfinite(total)
     # the lens, which is not in the sum, takes some 2 % of the contrast
     assert np.median(np.abs(image - total)[near]) < 0.02

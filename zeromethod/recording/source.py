@@ -42,7 +42,8 @@ class RecordingFile:
         self._tables: dict[str, Image] = {}
         self._sound_rows: dict[str, Mask] = {}
         try:
-            self.names = self._visited()
+            self._parts = self._visited()
+            self.names = frozenset(self._parts)
         except BaseException:
             self._file.close()
             raise
@@ -55,19 +56,18 @@ class RecordingFile:
             return None  # the name is gone; the open file can still be read
         return found.st_ino, found.st_size, found.st_mtime_ns
 
-    def _visited(self) -> frozenset[str]:
-        """Names of all groups and datasets; each is opened, so that the error names one that cannot be."""
-        names: list[str] = []
+    def _visited(self) -> dict[str, Any]:
+        """All groups and datasets by their name, open: to open one takes longer than to read an item."""
+        parts: dict[str, Any] = {}
         with self._guarded("its contents"):
             left = list(self._file)
         while left:
             name = left.pop()
-            names.append(name)
             with self._guarded(name):
-                one = self._file[name]
+                parts[name] = one = self._file[name]
                 if isinstance(one, h5py.Group):
                     left += [f"{name}/{inner}" for inner in one]
-        return frozenset(names)
+        return parts
 
     @contextmanager
     def _guarded(self, name: str) -> Iterator[None]:
@@ -96,11 +96,10 @@ class RecordingFile:
         self._tables.clear()
         self._sound_rows.clear()
         if self._file.swmr_mode:
-            for name in self.names:
+            for name, one in self._parts.items():
                 with self._guarded(name):
-                    one = self._file[name]
                     if isinstance(one, h5py.Dataset):
-                        one.id.refresh()
+                        one.refresh()
         elif (now := self._look()) is not None and now != self._state:
             # it was opened before a writer did
             self._file.close()
@@ -119,18 +118,18 @@ class RecordingFile:
     def length(self, name: str) -> int:
         """Items of a dataset."""
         with self._guarded(name):
-            return int(self._file[name].shape[0])
+            return int(self._parts[name].shape[0])
 
     def read(self, name: str, at: Any = ()) -> Any:
         """A dataset, or an item or a slice of it."""
         with self._guarded(name):
-            return self._file[name][at]
+            return self._parts[name][at]
 
     def whole(self, name: str) -> Any:
         """A dataset of fixed size; refused where it does not fit its checksum."""
         values = self.read(name)
         with self._guarded(name):
-            checksum = self._file[name].attrs.get("checksum")
+            checksum = self._parts[name].attrs.get("checksum")
         if checksum is not None and int(checksum) != checksum_of(values):
             raise RefusedRecording(self.path, Refusal.CHANGED, part=name)
         return values
@@ -144,7 +143,7 @@ class RecordingFile:
     def words(self, name: str, attribute: str) -> list[str]:
         """An attribute of a dataset that is a list of words."""
         with self._guarded(name):
-            return [str(word) for word in self._file[name].attrs[attribute]]
+            return [str(word) for word in self._parts[name].attrs[attribute]]
 
     def sound_rows(self, group: str) -> Mask:
         """(n,) which rows of a group's table fit their checksums, of those that have one; no warning."""
@@ -188,7 +187,7 @@ class RecordingFile:
     def is_table(self, name: str) -> bool:
         """Whether the items of a dataset that grows are rows, not arrays."""
         with self._guarded(name):
-            return len(self._file[name].shape) == 1
+            return len(self._parts[name].shape) == 1
 
     def is_damaged(self, group: str, index: int) -> bool:
         """Whether any item of that index in a group does not fit its checksum; without a warning."""

@@ -1,4 +1,4 @@
-"""Steps read into surfaces, and published: at once, or live in a thread that reads the newest step only."""
+"""Steps read into surfaces, and published: at once, or live in a thread that is a few steps late at most."""
 
 from __future__ import annotations
 
@@ -17,8 +17,11 @@ from zeromethod.warp.rest import Rest
 from zeromethod.warp.warp import Warp
 from zeromethod.worker import SameThread, Worker
 
-CLOSING_S = 0.4
-"""How long the end of a run waits for the reading under way."""
+CLOSING_S = 0.3
+"""How long after the end of a run steps that wait are still read, and how long it waits for the last one."""
+
+WAITING_STEPS = 8
+"""Steps that wait to be read, at most: at 60 Hz as long as a reading takes that must begin from rest."""
 
 
 def warm_up_warp(rest: Rest) -> Warp:
@@ -32,8 +35,8 @@ def warm_up_warp(rest: Rest) -> Warp:
 class StepReader:
     """Reads steps that were measured, and publishes all: at once, or live in a thread of its own.
 
-    Live, a step that waits is replaced by a newer one and goes unread: the loop never waits, and nothing
-    queues. Measured steps and others wait apart, one of each.
+    Live, `WAITING_STEPS` wait for a reading that takes longer than the time between two frames; where these
+    do not suffice, the last of them is replaced by a newer one and goes unread. The loop never waits.
     """
 
     def __init__(
@@ -47,9 +50,12 @@ class StepReader:
         self._read = read
         self._publisher = publisher
         self._now_ns = now_ns
+        self._until_s = float("inf")
         self._worker: Worker[dict[bool, Step], list[Step]] | SameThread[dict[bool, Step], list[Step]]
         if live:
-            self._worker = Worker("read surface", lambda: nullcontext(self._serve), merge=or_)
+            self._worker = Worker(
+                "read surface", lambda: nullcontext(self._serve), waiting=WAITING_STEPS, merge=or_
+            )
         else:
             self._worker = SameThread(lambda: nullcontext(self._serve))
 
@@ -63,14 +69,17 @@ class StepReader:
         return [reading for readings in self._worker.take() for reading in readings]
 
     def close(self) -> None:
-        """Finish what was posted, within `CLOSING_S`; raises what a reading raised, if not yet raised."""
-        self._worker.close(CLOSING_S, finish=True)
+        """Read what waits, as far as `CLOSING_S` goes, and publish the rest; raises what a reading raised."""
+        self._until_s = time.monotonic() + CLOSING_S
+        self._worker.close(2.0 * CLOSING_S, finish=True)
         self._worker.raise_failure()
 
     def _serve(self, steps: dict[bool, Step]) -> list[Step]:
         readings = []
         for step in sorted(steps.values(), key=lambda step: step.number):
             if step.measured is not None:
+                if time.monotonic() > self._until_s:
+                    continue
                 step = self._read(step)  # noqa: PLW2901 - the same step, with its surface
             if self._publisher is not None:
                 self._publisher.publish(step)

@@ -156,6 +156,11 @@ class Surfaces:
             if process is not None:
                 process.close()
 
+    @property
+    def process_id(self) -> int | None:
+        """Of the process that reads, as the system numbers it; None where this one does."""
+        return None if self._process is None else self._process.process_id
+
     def read(self, warp: Warp) -> tuple[Surface, Peak]:
         """Surface of a measured warp, and its peak; as `SurfaceReader.follow`."""
         process = self._process

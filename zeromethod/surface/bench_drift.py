@@ -12,7 +12,7 @@ from zeromethod.rig.model import Rig
 from zeromethod.surface.anchor import KnownReading, RestFit, known_misfit
 from zeromethod.surface.curl import Curl, CurlTest
 from zeromethod.surface.integrate import SlopeIntegrator
-from zeromethod.surface.node_passes import diagonal, squares_apart
+from zeromethod.surface.node_passes import diagonal, mean_square, squares_apart
 from zeromethod.surface.noise import SlopeNoise
 from zeromethod.surface.settling import Reading
 from zeromethod.warp.grid import NodeGrid
@@ -53,10 +53,8 @@ class BenchDrift:
     def look(self, warp: Warp) -> None:
         """Follow the drift, in frames that are nulled."""
         if warp.left is not None:
-            # every second node says as much
-            square2 = np.sum(warp.left[::2, ::2][warp.valid[::2, ::2]] ** 2, axis=-1)
-            square2 = square2[np.isfinite(square2)]
-            if len(square2) and self.watch.modes.camera_px * np.sqrt(square2.mean()) > _NULLED_PX:
+            left_px = self.watch.modes.camera_px * np.sqrt(mean_square(warp.left, warp.flags))
+            if left_px > _NULLED_PX:
                 return
         self.watch.look(warp, self._rest_q)
 

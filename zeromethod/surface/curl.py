@@ -64,7 +64,7 @@ class Curl:
 
 @dataclass(frozen=True, slots=True)
 class _Templates:
-    """What was worked out for one mask and set of weights.
+    """What was worked out for one mask (rows, cols) and set of weights, by its number.
 
     across, down: (terms, ...) weighted steps left over by each visible combination, the constant last.
     inverse: (terms, terms) from their products with the steps found to amplitudes. covariance: (visible,
@@ -72,6 +72,8 @@ class _Templates:
     rows, cols) mm of depth / h that 1 LCD px of each mode reads as.
     """
 
+    mask: Mask
+    weighting: int
     across: Float
     down: Float
     inverse: Float
@@ -79,6 +81,11 @@ class _Templates:
     noise: float
     directions: Float
     depth: Float
+
+    def fit(self, island: Mask, weighting: int) -> bool:
+        """Whether they may be kept for another mask."""
+        changed = np.count_nonzero(island ^ self.mask) > _KEEP_SHARE * np.count_nonzero(island)
+        return self.weighting == weighting and not changed
 
 
 @numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc"})
@@ -103,7 +110,7 @@ def _products(templates: Float, steps: Float, depth: Float, island: Mask, axis: 
 
 
 class CurlTest:
-    """Templates of the modes on one integrator's lattice, kept while its mask is much the same."""
+    """Templates of the modes on one integrator's lattice, kept while its mask is the same or comes back."""
 
     def __init__(self, integrator: SlopeIntegrator, slopes: Float, constant: Float) -> None:
         """Slopes: (modes, rows, cols, 2) rad per LCD px that each mode reads as at rest.
@@ -112,9 +119,8 @@ class CurlTest:
         """
         self._integrator = integrator
         self._slopes, self._constant = slopes, constant
-        self._mask: Mask = np.zeros(constant.shape[:-1], bool)
-        self._weightings = -1
         self._made: _Templates | None = None
+        self._earlier: _Templates | None = None
 
     def false_depth(self, motion: Float, noise: SlopeNoise, x_mm: Float, y_mm: Float) -> tuple[Float, Float]:
         """What a motion (modes,) LCD px reads as: depth / h, mm, up to a constant; size of slope, rad."""
@@ -143,10 +149,10 @@ class CurlTest:
         return sum_on(noise.variance, island) / (2 * np.count_nonzero(island))
 
     def _templates(self, noise: SlopeNoise, x_mm: Float, y_mm: Float) -> _Templates:
-        island = self._integrator.island
-        changed = np.count_nonzero(island ^ self._mask) > _KEEP_SHARE * np.count_nonzero(island)
-        if self._made is None or changed or self._weightings != self._integrator.weightings:
-            self._mask, self._weightings = island.copy(), self._integrator.weightings
+        like = self._integrator.island, self._integrator.weighting
+        if self._made is None or not self._made.fit(*like):
+            self._made, self._earlier = self._earlier, self._made
+        if self._made is None or not self._made.fit(*like):
             self._made = self._make(noise, x_mm, y_mm)
         return self._made
 
@@ -173,4 +179,5 @@ class CurlTest:
         shared = noise.on(island).covariance(reach)
         covariance = inverse @ np.einsum("aijk,bijk->ab", reach, shared) @ inverse
         variance = self._mean_variance(noise)
-        return _Templates(across, down, inverse, covariance[:-1, :-1], variance, directions, depth[:count])
+        found = across, down, inverse, covariance[:-1, :-1], variance, directions, depth[:count]
+        return _Templates(island.copy(), integrator.weighting, *found)

@@ -40,7 +40,7 @@ class HiddenDepth:
         step = np.stack([np.gradient(one, axis=axis) for axis in (1, 0) for one in (x_mm, y_mm)], axis=-1)
         # mm of depth per node and LCD px: along columns, along rows
         inverse = np.linalg.inv(sensitivity)
-        self._step = step
+        self._step2 = np.ascontiguousarray(step[..., :2] ** 2 + step[..., 2:] ** 2)
         self._per_px = np.einsum("...ai,...ij->...aj", step.reshape(*x_mm.shape, 2, 2), inverse)
 
     def of(self, left: Single, variance: Float, island: Mask) -> Float | None:
@@ -49,7 +49,7 @@ class HiddenDepth:
         left: (rows, cols, 2) LCD px of a warp on the whole grid. variance: (rows, cols, 2) rad^2 of slope.
         """
         hidden = _divergence(left[self._inner], self._per_px, self._share, island)
-        found = _beyond_noise(hidden, self._step, variance, _NOISES * _NOISE * self._share, island)
+        found = _beyond_noise(hidden, self._step2, variance, _NOISES * _NOISE * self._share, island)
         if not found.any():
             return None
         around2 = cv2.blur(found**2, (_AROUND, _AROUND), borderType=cv2.BORDER_REPLICATE)
@@ -79,24 +79,34 @@ def _divergence(left: Single, per_px: Float, share: float, island: Mask) -> Floa
 
 
 @numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
-def _beyond_noise(hidden: Float, step: Float, variance: Float, least: float, island: Mask) -> Float:
+def _add_shifted(values: Float, out: Float) -> None:
+    """Add values (n,) to those before, at, and after them."""
+    n = len(out) - 1
+    for k in range(1, n):
+        out[k] += values[k - 1] + values[k] + values[k + 1]
+    out[0] += values[0] + values[1]
+    out[n] += values[n - 1] + values[n]
+
+
+@numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
+def _beyond_noise(hidden: Float, step2: Float, variance: Float, least: float, island: Mask) -> Float:
     """The nodes around which the mean over 3 x 3 is more than so many deviations of noise; 0 elsewhere.
 
-    step: (rows, cols, 4) mm per node, x and y along columns, then along rows.
+    step2: (rows, cols, 2) mm^2 per node of x and y. At least 2 columns.
     """
     rows, cols = island.shape
-    out = np.zeros((rows, cols))
+    out, known = np.zeros((rows, cols)), island.astype(np.float64)
+    total, count = np.empty(cols), np.empty(cols)
     for i in range(rows):
+        total[:], count[:] = 0.0, 0.0
+        for m in range(max(i - 1, 0), min(i + 2, rows)):
+            _add_shifted(hidden[m], total)
+            _add_shifted(known[m], count)
+        of_x, to, own = variance[i], out[i], hidden[i]
+        per, there = step2[i], known[i]
         for j in range(cols):
-            total, count = 0.0, 0
-            for m in range(max(i - 1, 0), min(i + 2, rows)):
-                for n in range(max(j - 1, 0), min(j + 2, cols)):
-                    total += hidden[m, n]
-                    count += island[m, n]
-            noise2 = 0.0
-            for k in range(4):
-                noise2 += step[i, j, k] ** 2 * variance[i, j, k % 2]
+            noise2 = per[j, 0] * of_x[j, 0] + per[j, 1] * of_x[j, 1]
+            size = total[j] * total[j] > (count[j] * least) ** 2 * noise2
             # False for nodes off the island, whose variance may be NaN
-            if island[i, j] and abs(total) > count * least * math.sqrt(noise2):
-                out[i, j] = hidden[i, j]
+            to[j] = own[j] if size & (there[j] > 0.0) else 0.0
     return out

@@ -182,13 +182,14 @@ class SlopeIntegrator:
         self._h_down = np.sqrt(h[:-1] * h[1:])
         self._step_across = np.stack([np.diff(x_mm, axis=1), np.diff(y_mm, axis=1)], axis=-1)
         self._step_down = np.stack([np.diff(x_mm, axis=0), np.diff(y_mm, axis=0)], axis=-1)
-        self._variance = np.zeros((*shape, 2))
+        self._variance = self._variance_before = np.zeros((*shape, 2))
+        self._weighting_before = self._count = 0
         self._valid: Mask = np.zeros(shape, bool)
         self._edges = _Edges(self._valid, 0, np.zeros_like(self._h_across), np.zeros_like(self._h_down), None)
         self._earlier = self._edges
         self.island: Mask = np.zeros(shape, bool)
-        self.weightings = 0
-        """Number of times the weights were computed."""
+        self.weighting = 0
+        """Number of the weights in use; those before them may come back."""
 
     def prepare(self, valid: Mask, variance: Float) -> Mask:
         """Set mask (rows, cols) and slope variance (rows, cols, 2); return the nodes that get a depth."""
@@ -200,32 +201,41 @@ class SlopeIntegrator:
             self.island = island
         if not self.island.any():
             return self.island
-        values = variance.ravel(), self._variance.ravel(), np.repeat(self.island.ravel(), 2)
-        changed = share_changed(*values, _KEEP_FACTOR) > _KEEP_SHARE
+        changed = self._changed(variance, self._variance)
         if same and not changed:
             return self.island
+        if changed:
+            before = self._variance_before, self._weighting_before
+            self._variance_before, self._weighting_before = self._variance, self.weighting
+            # a dent that has come to rest leaves the noise as it was
+            self._variance, self.weighting = before
+            changed = self._changed(variance, self._variance)
         # on the island alone: variance may be 0 elsewhere
         typical = 1.0 / float(np.mean(1.0 / variance[self.island]))
         relative = np.where(self.island[..., None], variance, 0.0) / typical
         if changed:
-            self._variance = relative
-            self.weightings += 1
+            self._count += 1
+            self._variance, self.weighting = relative, self._count
         else:
             self._variance = np.where(self._variance > 0.0, self._variance, relative)
         self._set_weights()
         return self.island
 
+    def _changed(self, variance: Float, kept: Float) -> bool:
+        values = variance.ravel(), kept.ravel(), np.repeat(self.island.ravel(), 2)
+        return share_changed(*values, _KEEP_FACTOR) > _KEEP_SHARE
+
     def _set_weights(self) -> None:
         island, variance = self.island, self._variance
         self._edges, self._earlier = self._earlier, self._edges
         # nodes that a dent hides for a frame come back
-        if self._edges.weighting == self.weightings and np.array_equal(self._edges.island, island):
+        if self._edges.weighting == self.weighting and np.array_equal(self._edges.island, island):
             return
         across, down = np.empty(self._h_across.shape), np.empty(self._h_down.shape)
         _edge_weights(variance, self._step_across, self._h_across, island, 0, across)
         _edge_weights(variance, self._step_down, self._h_down, island, 1, down)
         solution = LatticeSolution.of(across * self._h_across, down * self._h_down)
-        self._edges = _Edges(island, self.weightings, across, down, solution)
+        self._edges = _Edges(island, self.weighting, across, down, solution)
 
     def integrate(
         self, slope: Float, x_mm: Float, y_mm: Float, depth_mm: Float | None = None, share: float = EXACT

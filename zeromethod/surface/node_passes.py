@@ -5,7 +5,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from zeromethod.arrays import Flags, Float, Mask
+from zeromethod.arrays import Flags, Float, Mask, Single
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -20,37 +20,55 @@ def use_nodes(q: Float, sigma: Float, flags: Flags, usable: Mask, out_q: Float, 
 
 
 @numba.njit(cache=True, error_model="numpy")
-def known_bending(bending: Float, at_rest: Float, out: Float) -> None:
-    """Jacobian (rows, cols, 2, 2) of a warp; that of the warp at rest where it is not finite."""
-    for i in range(out.shape[0]):
-        for j in range(out.shape[1]):
-            a, b, c, d = bending[i, j, 0, 0], bending[i, j, 0, 1], bending[i, j, 1, 0], bending[i, j, 1, 1]
-            if np.isfinite(a + b + c + d):
-                out[i, j, 0, 0], out[i, j, 0, 1], out[i, j, 1, 0], out[i, j, 1, 1] = a, b, c, d
-            else:
-                out[i, j] = at_rest[i, j]
+def at_rest_where_unknown(bending: Float, at_rest: Float) -> None:
+    """Put that of the warp at rest where a Jacobian (rows, cols, 2, 2) is not finite."""
+    for i in range(bending.shape[0]):
+        row, unknown = bending[i].reshape(4 * bending.shape[1]), 0
+        for k in range(len(row)):
+            unknown += not np.isfinite(row[k])
+        if unknown == 0:
+            continue
+        for j in range(bending.shape[1]):
+            if not np.isfinite(bending[i, j].sum()):
+                bending[i, j] = at_rest[i, j]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc"})
 def sum_on(values: Float, nodes: Mask) -> float:
     """Sum over nodes (rows, cols) of both components of values (rows, cols, 2)."""
     total = 0.0
     for i in range(nodes.shape[0]):
         for j in range(nodes.shape[1]):
-            if nodes[i, j]:
-                total += values[i, j, 0] + values[i, j, 1]
+            total += values[i, j, 0] + values[i, j, 1] if nodes[i, j] else 0.0
     return total
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc"})
 def squares_apart(one: Float, other: Float, nodes: Mask) -> float:
     """Sum over nodes (rows, cols) of the squared difference of vectors (rows, cols, 2)."""
     total = 0.0
     for i in range(nodes.shape[0]):
         for j in range(nodes.shape[1]):
-            if nodes[i, j]:
-                total += (one[i, j, 0] - other[i, j, 0]) ** 2 + (one[i, j, 1] - other[i, j, 1]) ** 2
+            x, y = one[i, j, 0] - other[i, j, 0], one[i, j, 1] - other[i, j, 1]
+            total += x * x + y * y if nodes[i, j] else 0.0
     return total
+
+
+@numba.njit(cache=True, error_model="numpy")
+def mean_square(vectors: Single, flags: Flags) -> float:
+    """Mean square of finite vectors (rows, cols, 2) of nodes without a flag; 0 where there is none.
+
+    Of every second node along both axes: more say little new.
+    """
+    total, count = 0.0, 0
+    for i in range(0, flags.shape[0], 2):
+        for j in range(0, flags.shape[1], 2):
+            x, y = np.float64(vectors[i, j, 0]), np.float64(vectors[i, j, 1])
+            square = x * x + y * y
+            if flags[i, j] == 0 and np.isfinite(square):
+                total += square
+                count += 1
+    return total / max(count, 1)
 
 
 @numba.njit(cache=True, error_model="numpy")

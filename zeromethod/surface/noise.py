@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cached_property
 
-import cv2
 import numba
 import numpy as np
 from numpy.typing import NDArray
@@ -121,87 +120,62 @@ class SlopeNoise:
         return out
 
 
-class DepthNoise:
-    """Standard deviation of depth, exact at some nodes and interpolated between.
+class _Map:
+    """Variance of depth by the samples of one mask and set of weights, rescaled while these are kept."""
 
-    One node's variance takes one solution of the integrator's equations (`NodeVariance`). Over the rough one
-    of the lattices (`log_rough_variance`) it varies slowly: its logarithm is a thin-plate spline through some
-    220 nodes, closer together towards the border and around the narrowest dent. That is within 1 % rms of
-    sigma, and within a third at single nodes of holes' rims, whose noise is their own. Where readings follow
-    each other, the samples of a new mask or new weights are worked out a few at a time: at once every third
-    along both axes, which is within 5 % rms of sigma and mostly within 10 %, then the others in some twenty
-    readings. They are kept while mask and noise keep their shape; a frame then costs a rescaling: noise at
-    distance r reaches depth with weight 1 / r (the gradient of Green's function in the plane), so that every
-    octave of r counts alike and what the noise has grown by is the mean of its means over boxes, octave by
-    octave, around node and anchor.
-    """
-
-    def __init__(self, integrator: SlopeIntegrator) -> None:
-        self._integrator = integrator
-        shape = integrator.island.shape
-        self._mask = np.zeros(shape, bool)
-        self._power = np.zeros(shape)
-        self._weightings = -1
-        self._noise: SlopeNoise | None = None
-        self._first = self._anchor = np.zeros(shape)
-        self._sampled = self._variance = np.zeros(shape)
-        self._samples: Samples | None = None
-        self._shift: Float | float = 0.0
-
-    def sigma(
-        self, noise: SlopeNoise, x_mm: Float, y_mm: Float, weights: Float, at_once: bool = True
-    ) -> Float:
-        """Sigma (rows, cols) of depth / h, in mm, when the `weights`' mean of depth / h is taken as 0.
-
-        noise: the reading's, at points x_mm, y_mm (rows, cols). at_once: False where a few samples at a time
-        will do. NaN off the integrator's island.
-        """
-        island = self._integrator.island
-        power = _powers(noise.variance, island)
-        if self._noise is None or self._is_stale(power, island):
-            self._begin(noise, x_mm, y_mm, weights, power)
-            self._take(None if at_once else AT_FIRST)
-        else:
-            if np.abs(_blocks(weights) - _blocks(self._anchor)).sum() > _SAME_ANCHOR:
-                self._move_anchor(x_mm, y_mm, weights)
-            if self._samples is not None:
-                self._take(None if at_once else AT_A_TIME)
-        grown = _grown(power, self._power, island & self._mask, self._anchor)
-        found = np.sqrt(grown * self._variance)
-        found[~island] = np.nan
-        return np.asarray(found)
-
-    def _is_stale(self, power: Float, island: Mask) -> bool:
-        if self._weightings != self._integrator.weightings:
-            return True
-        both, all_nodes = (np.count_nonzero(one) for one in (island & self._mask, island | self._mask))
-        if both < (1.0 - _KEEP_SHARE) * all_nodes or not both:
-            return True
-        if np.count_nonzero(island & ~self._mask) > _KEEP_BACK * all_nodes:
-            return True
-        changed = share_changed(power.ravel(), self._power.ravel(), island.ravel(), _KEEP_FACTOR**2)
-        return changed > _KEEP_CHANGED
-
-    def _begin(self, noise: SlopeNoise, x_mm: Float, y_mm: Float, weights: Float, power: Float) -> None:
-        """Begin new samples, for this reading's mask and noise."""
-        island = self._integrator.island.copy()
+    def __init__(
+        self,
+        integrator: SlopeIntegrator,
+        noise: SlopeNoise,
+        power: Float,
+        x_mm: Float,
+        y_mm: Float,
+        weights: Float,
+    ) -> None:
+        """Begin samples, for this reading's mask and noise; arguments as of `DepthNoise.sigma`."""
+        island = integrator.island.copy()
         self._noise = noise = noise.on(island)
         # weights are kept from other noise
-        kept = _powers(self._integrator.variance, island)
-        grown = _grown(power, kept, island & (kept > 0.0), weights)
-        self._samples = Samples(
-            self._integrator.linear(x_mm, y_mm), noise.factor, noise.correlation, power, weights, grown
+        kept = _powers(integrator.variance, island)
+        both = island & (kept > 0.0)
+        grown = _grown(power, kept, both, _known_sums(both), weights)
+        linear = integrator.linear(x_mm, y_mm)
+        self._samples: Samples | None = Samples(
+            linear, noise.factor, noise.correlation, power, weights, grown
         )
-        self._mask, self._power, self._shift = island, power.copy(), 0.0
-        self._weightings = self._integrator.weightings
+        self._mask, self._power, self._weighting = island, power.copy(), integrator.weighting
         self._first = self._anchor = weights.copy()
+        self._blocks = _blocks(weights, _block_size(island.shape))
+        self._both, self._known = island, _known_sums(island)
+        self._sampled = self._variance = np.zeros(island.shape)
+        self._shift: Float | float = 0.0
 
-    def _take(self, most: int | None) -> None:
-        """Work out at most so many samples more; the map is made with the first ones and with all."""
+    def fits(self, power: Float, island: Mask, weighting: int) -> bool:
+        """Whether it may be kept for this mask and noise."""
+        if self._weighting != weighting:
+            return False
+        both, all_nodes = (np.count_nonzero(one) for one in (island & self._mask, island | self._mask))
+        if both < (1.0 - _KEEP_SHARE) * all_nodes or not both:
+            return False
+        if np.count_nonzero(island & ~self._mask) > _KEEP_BACK * all_nodes:
+            return False
+        changed = share_changed(power.ravel(), self._power.ravel(), island.ravel(), _KEEP_FACTOR**2)
+        return changed <= _KEEP_CHANGED
+
+    def variance(self, power: Float, island: Mask) -> Float:
+        """Variance (rows, cols) of depth / h, mm^2, by the noise of this reading."""
+        both = island & self._mask
+        if not np.array_equal(both, self._both):
+            self._both, self._known = both, _known_sums(both)
+        return np.asarray(_grown(power, self._power, both, self._known, self._anchor) * self._variance)
+
+    def take(self, at_once: bool) -> None:
+        """Work out some samples more, or all; the map is made with the first ones and with all."""
         samples = self._samples
-        assert samples is not None
+        if samples is None:
+            return
         begun = samples.taken > 0
-        samples.take(most)
+        samples.take(None if at_once else AT_A_TIME if begun else AT_FIRST)
         if not begun or samples.taken == len(samples.nodes):
             self._sampled = samples.variance()
             self._shifted()
@@ -211,13 +185,18 @@ class DepthNoise:
     def _shifted(self) -> None:
         self._variance = np.maximum(self._sampled + self._shift, _LEAST_LEFT * self._sampled)
 
-    def _move_anchor(self, x_mm: Float, y_mm: Float, weights: Float) -> None:
-        """Var(D - a D) = Var(E) - 2 Cov(E, a E) + Var(a E) with E = D - a_0 D, a_0 the samples' anchor."""
-        assert self._noise is not None
-        island = self._integrator.island
+    def move_anchor(self, integrator: SlopeIntegrator, x_mm: Float, y_mm: Float, weights: Float) -> None:
+        """Follow the anchor where much of its weight has moved.
+
+        Var(D - a D) = Var(E) - 2 Cov(E, a E) + Var(a E) with E = D - a_0 D, a_0 the samples' anchor.
+        """
+        blocks = _blocks(weights, _block_size(weights.shape))
+        if not np.abs(blocks - self._blocks).sum() > _SAME_ANCHOR:
+            return
+        island = integrator.island
         first = np.where(island, self._first, 0.0)
         first /= max(float(first.sum()), 1e-30)
-        linear = self._integrator.linear(x_mm, y_mm)
+        linear = integrator.linear(x_mm, y_mm)
         slopes = self._noise.covariance(linear.slope_weights(weights - first, _SOLVED))
         row = linear.depth(slopes, _SOLVED)
         row -= (first * row).sum()
@@ -225,51 +204,135 @@ class DepthNoise:
         row[~island] = np.nan
         fill_in(row)
         self._shift = float((weights * row).sum()) - 2.0 * row
-        self._anchor = weights.copy()
+        self._anchor, self._blocks = weights.copy(), blocks
         self._shifted()
 
 
-def _grown(power: Float, kept: Float, both: Mask, anchor: Float) -> Float | float:
+class DepthNoise:
+    """Standard deviation of depth, exact at some nodes and interpolated between.
+
+    One node's variance takes one solution of the integrator's equations (`NodeVariance`). Over the rough one
+    of the lattices (`log_rough_variance`) it varies slowly: its logarithm is a thin-plate spline through some
+    220 nodes, closer together towards the border and around the narrowest dent. That is within 1 % rms of
+    sigma, and within a third at single nodes of holes' rims, whose noise is their own. Where readings follow
+    each other, the samples of a new mask or new weights are worked out a few at a time: at once every third
+    along both axes, which is within 5 % rms of sigma and mostly within 10 %, then the others in some twenty
+    readings. They are kept while mask and noise keep their shape, and for a mask that comes back, as a dent
+    hides nodes while it moves; a frame then costs a rescaling: noise at distance r reaches depth with weight
+    1 / r (the gradient of Green's function in the plane), so that every octave of r counts alike and what the
+    noise has grown by is the mean of its means over boxes, octave by octave, around node and anchor.
+    """
+
+    def __init__(self, integrator: SlopeIntegrator) -> None:
+        self._integrator = integrator
+        self._map: _Map | None = None
+        self._earlier: _Map | None = None
+
+    def sigma(
+        self, noise: SlopeNoise, x_mm: Float, y_mm: Float, weights: Float, at_once: bool = True
+    ) -> Float:
+        """Sigma (rows, cols) of depth / h, in mm, when the `weights`' mean of depth / h is taken as 0.
+
+        noise: the reading's, at points x_mm, y_mm (rows, cols). at_once: False where a few samples at a time
+        will do. NaN off the integrator's island.
+        """
+        integrator, island = self._integrator, self._integrator.island
+        power = _powers(noise.variance, island)
+        like = power, island, integrator.weighting
+        kept = next((one for one in (self._map, self._earlier) if one is not None and one.fits(*like)), None)
+        if kept is None or kept is self._earlier:
+            self._earlier = self._map
+        if kept is None:
+            kept = _Map(integrator, noise, power, x_mm, y_mm, weights)
+        else:
+            kept.move_anchor(integrator, x_mm, y_mm, weights)
+        self._map = kept
+        self._map.take(at_once)
+        found = np.sqrt(self._map.variance(power, island))
+        found[~island] = np.nan
+        return np.asarray(found)
+
+
+def _grown(power: Float, kept: Float, both: Mask, known: Float, anchor: Float) -> Float | float:
     """How the variance of depth has grown with slopes' noise, (rows, cols) or the same everywhere.
 
-    power, kept: of the noise now and before, (rows, cols), both known on these nodes. anchor: weights.
+    power, kept: of the noise now and before, (rows, cols), both known on these nodes, whose `_known_sums`
+    are given. anchor: weights.
     """
     ratio, middle, uneven = _ratios(power, kept, both)
     if uneven < _EVEN:
         return middle
-    boxes = np.array([n for n in _BOXES if n <= max(ratio.shape)])
-    total, margin = np.zeros(ratio.shape), int(boxes[-1] // 2)
-    values, known = (
-        np.asarray(cv2.integral(np.pad(one, margin)), np.float64) for one in (ratio, both.astype(np.float64))
-    )
+    boxes = _boxes(ratio.shape)
+    values, total = np.empty(known.shape), np.zeros(ratio.shape)
+    _sums(ratio, values)
     _add_box_means(values, known, boxes, middle, total)
-    at_anchor = float((anchor * total).sum() / max(float(anchor.sum()), 1e-30))
+    at_anchor = float(np.vdot(anchor, total) / max(float(anchor.sum()), 1e-30))
     return 0.5 * (total + at_anchor)
 
 
-def _blocks(weights: Float) -> Float:
+def _boxes(shape: tuple[int, ...]) -> NDArray[np.intp]:
+    return np.array([n for n in _BOXES if n <= max(shape)])
+
+
+def _known_sums(nodes: Mask) -> Float:
+    """`_sums` of the number of nodes (rows, cols), with a margin of half the last box."""
+    rows, cols = nodes.shape
+    out = np.empty((rows + 1, cols + 1 + 2 * int(_boxes(nodes.shape)[-1] // 2)))
+    _sums(nodes.astype(np.float64), out)
+    return out
+
+
+def _block_size(shape: tuple[int, ...]) -> int:
+    return max(1, round(_BLOCK_SHARE * min(shape)))
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _blocks(weights: Float, size: int) -> Float:
     """Sums over blocks: noise of depth is alike within one."""
-    size = max(1, round(_BLOCK_SHARE * min(weights.shape)))
-    rows, cols = (np.arange(0, count, size) for count in weights.shape)
-    return np.add.reduceat(np.add.reduceat(weights, rows, axis=0), cols, axis=1)
+    rows, cols = weights.shape
+    out = np.zeros((-(-rows // size), -(-cols // size)))
+    for i in range(rows):
+        to = out[i // size]
+        for j in range(cols):
+            to[j // size] += weights[i, j]
+    return out
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _sums(values: Float, out: Float) -> None:
+    """Sums of values (rows, cols) above and to the left; out: one row more, and a margin on either side."""
+    rows, cols = values.shape
+    margin = (out.shape[1] - 1 - cols) // 2
+    out[0] = 0.0
+    for i in range(rows):
+        line, total = out[i + 1], 0.0
+        line[: margin + 1] = 0.0
+        for j in range(cols):
+            total += values[i, j]
+            line[margin + 1 + j] = total
+        line[margin + 1 + cols :] = total
+        above = out[i]
+        for j in range(len(line)):
+            line[j] += above[j]
 
 
 @numba.njit(cache=True, error_model="numpy")
 def _add_box_means(values: Float, known: Float, boxes: NDArray[np.intp], other: float, out: Float) -> None:
     """Add the mean of the means over boxes around each node; `other` where a box has no known node.
 
-    values, known: sums of known values, and of their number, above and to the left, with a margin of half the
-    last box.
+    values, known: `_sums` of known values, and of their number, with a margin of half the last box.
     """
     rows, cols = out.shape
     for size in boxes:
-        near = boxes[-1] // 2 - size // 2
+        half = size // 2
+        near = boxes[-1] // 2 - half
         left, right = slice(near, near + cols), slice(near + size, near + size + cols)
         for i in range(rows):
-            top, bottom = near + i, near + i + size
+            top, bottom = max(i - half, 0), min(i + half + 1, rows)
             a, b, c, d = values[bottom, right], values[top, right], values[bottom, left], values[top, left]
             e, f, g, h = known[bottom, right], known[top, right], known[bottom, left], known[top, left]
+            to = out[i]
             for j in range(cols):
                 count = e[j] - f[j] - g[j] + h[j]
                 mean = (a[j] - b[j] - c[j] + d[j]) / count if count > 0.5 else other
-                out[i, j] += mean / len(boxes)
+                to[j] += mean / len(boxes)

@@ -31,6 +31,35 @@ def _go_on(start: Float, way: Float, by: Float, out: Float) -> None:
 
 
 @numba.njit(cache=True, error_model="numpy")
+def _add(by: Float, rate: Float, out: Float) -> None:
+    """Add `by` (n,) times a rate (n,); a rate of NaN changes nothing where `by` is 0."""
+    for k in range(len(out)):
+        out[k] += by[k] * rate[k] if by[k] != 0.0 else 0.0
+
+
+@numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
+def _twice(by: Float, away: Float, rate_x: Float, rate_y: Float) -> float:
+    """Mean, where `by` (n,) is not 0, of the square of what slope has turned by twice."""
+    total, count = 0.0, 0
+    for k in range(len(by)):
+        there = by[k] != 0.0
+        turned2 = (rate_x[k] * rate_x[k] + rate_y[k] * rate_y[k]) * away[k] * away[k]
+        total += turned2 * turned2 if there else 0.0
+        count += there
+    return total / max(count, 1)
+
+
+@numba.njit(cache=True, error_model="numpy", fastmath={"nnan", "nsz"})
+def _largest(by: Float) -> float:
+    """Largest size of finite values (n,)."""
+    largest = 0.0
+    for k in range(len(by)):
+        size = abs(by[k])
+        largest = size if size > largest else largest
+    return largest
+
+
+@numba.njit(cache=True, error_model="numpy")
 def _move(
     by: Float, traced: Float, depth: Float, rate: Float, way: Float, slope: Float, point: Float
 ) -> tuple[float, float]:
@@ -38,20 +67,18 @@ def _move(
 
     The largest step; the root mean square of what slope has turned by twice, which is the next order.
     """
-    step = turned = 0.0
-    count = 0
-    for i in range(by.shape[0]):
-        for j in range(by.shape[1]):
-            if by[i, j] != 0.0:
-                depth[i, j] += by[i, j]
-                away, x, y = depth[i, j] - traced[i, j], rate[0, i, j], rate[1, i, j]
-                step, count = max(step, abs(by[i, j])), count + 1
-                turned += ((x * x + y * y) * away * away) ** 2
-                for k in range(2):
-                    slope[k, i, j] += by[i, j] * rate[k, i, j]
-                for k in range(3):
-                    point[k, i, j] += by[i, j] * way[k, i, j]
-    return step, np.sqrt(turned / max(count, 1))
+    n = by.size
+    step, away, started = by.reshape(n), np.empty(n), traced.reshape(n)
+    rates, ways = rate.reshape(2, n), way.reshape(3, n)
+    deep, slopes, points = depth.reshape(n), slope.reshape(2, n), point.reshape(3, n)
+    for k in range(n):
+        deep[k] += step[k]
+        away[k] = deep[k] - started[k]
+    for axis in range(2):
+        _add(step, rates[axis], slopes[axis])
+    for axis in range(3):
+        _add(step, ways[axis], points[axis])
+    return _largest(step), np.sqrt(_twice(step, away, rates[0], rates[1]))
 
 
 class Look(NamedTuple):

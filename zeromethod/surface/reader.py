@@ -20,7 +20,13 @@ from zeromethod.surface.depth_scale import depth_scale
 from zeromethod.surface.hidden import HiddenDepth
 from zeromethod.surface.integrate import LinearIntegration, SlopeIntegrator, largest_island
 from zeromethod.surface.lever import Lever
-from zeromethod.surface.node_passes import known_bending, moved_on, surface_arrays, together, use_nodes
+from zeromethod.surface.node_passes import (
+    at_rest_where_unknown,
+    moved_on,
+    surface_arrays,
+    together,
+    use_nodes,
+)
 from zeromethod.surface.noise import DepthNoise, SlopeNoise
 from zeromethod.surface.rays import MirrorRays
 from zeromethod.surface.settling import Reading, Settling, Start
@@ -161,8 +167,8 @@ class SurfaceReader:
         planes = np.empty((2, *usable.shape))
         use_nodes(warp.q[inner], sigma_q, warp.flags[inner], self._usable, planes, usable)
         q = np.moveaxis(planes, 0, -1)
-        bending = np.empty(self._rest_bending.shape)
-        known_bending(jacobian(warp.q, self._grid.spacing_px)[inner], self._rest_bending, bending)
+        bending = jacobian(warp.q, self._grid.spacing_px, PADDING)
+        at_rest_where_unknown(bending, self._rest_bending)
         spread = self._lever.spread(bending, sigma_q)
         variance = self._lever.variance(spread)
         if self._drift is not None:

@@ -43,84 +43,130 @@ def _along(q: Float, j: int, i: int, k: int, dj: int, di: int) -> float:
     return forward if math.isfinite(forward) else backward
 
 
-@numba.njit(cache=True, error_model="numpy", inline="always")
-def _derivatives(q: Float, j: int, i: int) -> tuple[float, float, float, float]:
-    """dx/du, dx/dv, dy/du, dy/dv per node."""
-    if 2 <= j < q.shape[0] - 2 and 2 <= i < q.shape[1] - 2:  # shortcut without branches for most nodes
-        above2, above, here, below, below2 = q[j - 2], q[j - 1], q[j], q[j + 1], q[j + 2]
-        xu = _TWO_THIRDS * (here[i + 1, 0] - here[i - 1, 0]) - _TWELFTH * (here[i + 2, 0] - here[i - 2, 0])
-        yu = _TWO_THIRDS * (here[i + 1, 1] - here[i - 1, 1]) - _TWELFTH * (here[i + 2, 1] - here[i - 2, 1])
-        xv = _TWO_THIRDS * (below[i, 0] - above[i, 0]) - _TWELFTH * (below2[i, 0] - above2[i, 0])
-        yv = _TWO_THIRDS * (below[i, 1] - above[i, 1]) - _TWELFTH * (below2[i, 1] - above2[i, 1])
-        if math.isfinite(xu + yu + xv + yv):
-            return xu, xv, yu, yv
-    return (
-        _along(q, j, i, 0, 0, 1),
-        _along(q, j, i, 0, 1, 0),
-        _along(q, j, i, 1, 0, 1),
-        _along(q, j, i, 1, 1, 0),
-    )
+@numba.njit(cache=True, error_model="numpy")
+def _apart(ahead2: Float, ahead: Float, back: Float, back2: Float, out: Float) -> None:
+    """Fourth-order central differences (n,), of values one and two nodes away."""
+    for k in range(len(out)):
+        out[k] = _TWO_THIRDS * (ahead[k] - back[k]) - _TWELFTH * (ahead2[k] - back2[k])
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _jacobian(q: Float, scale: float, out: Float) -> None:
-    for j in range(q.shape[0]):
-        for i in range(q.shape[1]):
-            xu, xv, yu, yv = _derivatives(q, j, i)
-            out[j, i, 0, 0] = scale * xu
-            out[j, i, 0, 1] = scale * xv
-            out[j, i, 1, 0] = scale * yu
-            out[j, i, 1, 1] = scale * yv
+def _unknown(row: Float) -> int:
+    """How many nodes of a row of derivatives (2, cols, 2) are not finite."""
+    count, along, across = 0, row[0], row[1]
+    for i in range(along.shape[0]):
+        count += not math.isfinite(along[i, 0] + along[i, 1] + across[i, 0] + across[i, 1])
+    return count
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _derivatives(q: Float, j: int, margin: int, out: Float) -> None:
+    """d(x, y)/du and d(x, y)/dv per node, (2, cols, 2), of a row of nodes, but for a margin at its ends."""
+    rows, cols = q.shape[0], q.shape[1]
+    first = last = margin
+    if 2 <= j < rows - 2 and cols > 4:
+        # rows as lines of numbers, without branches
+        line, size = q[j].reshape(2 * cols), 2 * cols - 8
+        _apart(
+            line[8:],
+            line[6 : 6 + size],
+            line[2 : 2 + size],
+            line[:size],
+            out[0].reshape(2 * cols)[4 : 4 + size],
+        )
+        above2, above, below, below2 = q[j - 2], q[j - 1], q[j + 1], q[j + 2]
+        _apart(
+            below2.reshape(2 * cols),
+            below.reshape(2 * cols),
+            above.reshape(2 * cols),
+            above2.reshape(2 * cols),
+            out[1].reshape(2 * cols),
+        )
+        first, last = max(2, margin), cols - max(2, margin)
+    all_known = _unknown(out[:, first:last]) == 0
+    for i in range(margin, cols - margin):
+        inside = first <= i < last
+        if inside and all_known:
+            continue
+        if not (inside and math.isfinite(out[0, i, 0] + out[0, i, 1] + out[1, i, 0] + out[1, i, 1])):
+            for k in range(2):
+                out[0, i, k], out[1, i, k] = _along(q, j, i, k, 0, 1), _along(q, j, i, k, 1, 0)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _jacobian(q: Float, scale: float, margin: int, out: Float) -> None:
+    row = np.empty((2, q.shape[1], 2))
+    end = q.shape[1] - margin
+    along, across = row[0, margin:end], row[1, margin:end]
+    for j in range(out.shape[0]):
+        _derivatives(q, j + margin, margin, row)
+        to = out[j]
+        for i in range(out.shape[1]):
+            to[i, 0, 0] = scale * along[i, 0]
+            to[i, 0, 1] = scale * across[i, 0]
+            to[i, 1, 0] = scale * along[i, 1]
+            to[i, 1, 1] = scale * across[i, 1]
 
 
 @numba.njit(cache=True, error_model="numpy")
 def _areas(q: Float, out: Float) -> None:
+    row = np.empty((2, q.shape[1], 2))
+    along, across = row[0], row[1]
     for j in range(q.shape[0]):
+        _derivatives(q, j, 0, row)
+        to = out[j]
         for i in range(q.shape[1]):
-            xu, xv, yu, yv = _derivatives(q, j, i)
-            out[j, i] = xu * yv - xv * yu
+            to[i] = along[i, 0] * across[i, 1] - across[i, 0] * along[i, 1]
 
 
 @numba.njit(cache=True, error_model="numpy")
 def _flags(q: Float, rest_area: Float, period_nodes: float, columns: float, rows: float, out: Flags) -> None:
+    row = np.empty((2, q.shape[1], 2))
+    along, across = row[0], row[1]
+    period2, fewest2 = period_nodes * period_nodes, FEWEST_LCD_PX**2
     for j in range(q.shape[0]):
+        _derivatives(q, j, 0, row)
+        here, rest, to = q[j], rest_area[j], out[j]
         for i in range(q.shape[1]):
-            xu, xv, yu, yv = _derivatives(q, j, i)
+            xu, yu, xv, yv, x, y = (
+                along[i, 0],
+                along[i, 1],
+                across[i, 0],
+                across[i, 1],
+                here[i, 0],
+                here[i, 1],
+            )
             area = xu * yv - xv * yu
-            rest = rest_area[j, i]
-            flags = 0
-            if area * rest < FOLDED_BELOW * rest * rest:
-                flags |= _FOLDED
+            folded = area * rest[i] < FOLDED_BELOW * rest[i] * rest[i]
             longest = max(xu * xu + yu * yu, xv * xv + yv * yv)
-            x, y = q[j, i, 0], q[j, i, 1]
             room_x, room_y = min(x + 0.5, columns - 0.5 - x), min(y + 0.5, rows - 0.5 - y)
-            drawable = (period_nodes * area) ** 2 >= FEWEST_LCD_PX**2 * longest  # false at NaN
-            if not (drawable and math.isfinite(x + y)):
-                flags |= _UNDRAWABLE
-            wide_x = period_nodes * period_nodes * (xu * xu + xv * xv) > room_x * room_x
-            wide_y = period_nodes * period_nodes * (yu * yu + yv * yv) > room_y * room_y
-            if room_x < 0.0 or room_y < 0.0 or wide_x or wide_y:
-                flags |= _OFF_DISPLAY
-            out[j, i] = flags
+            drawable = (period2 * area * area >= fewest2 * longest) & math.isfinite(x + y)  # false at NaN
+            wide = (period2 * (xu * xu + xv * xv) > room_x * room_x) | (
+                period2 * (yu * yu + yv * yv) > room_y * room_y
+            )
+            off = (room_x < 0.0) | (room_y < 0.0) | wide
+            to[i] = (
+                (_FOLDED if folded else 0) | (0 if drawable else _UNDRAWABLE) | (_OFF_DISPLAY if off else 0)
+            )
 
 
-def jacobian(q: Float, spacing_px: float) -> Float:
+def jacobian(q: Float, spacing_px: float, margin: int = 0) -> Float:
     """Jacobian of a warp by camera position: (rows, cols, 2, 2), [..., i, j] = dq_i / du_j.
 
-    q: (rows, cols, 2) LCD px. Result in LCD px per camera px, by fourth-order central differences; of
-    second and first order at the grid's edge and next to NaN nodes.
+    q: (rows, cols, 2) LCD px. margin: nodes on each side that are left out. Result in LCD px per camera px,
+    by fourth-order central differences; of second and first order at the grid's edge and next to NaN nodes.
 
     Convention: q = (column, row), u = (column, row).
     """
-    out = np.empty((*q.shape, 2))
-    _jacobian(q, 1.0 / spacing_px, out)
+    out = np.empty((q.shape[0] - 2 * margin, q.shape[1] - 2 * margin, 2, 2))
+    _jacobian(np.ascontiguousarray(q), 1.0 / spacing_px, margin, out)
     return out
 
 
 def areas(q: Float) -> Float:
     """Area on the LCD per node (rows, cols) of a warp (rows, cols, 2), LCD px^2; negative where mirrored."""
     out = np.empty(q.shape[:2])
-    _areas(q, out)
+    _areas(np.ascontiguousarray(q), out)
     return out
 
 
@@ -146,5 +192,11 @@ def warp_flags(
     """
     out = np.empty(q.shape[:2], dtype=np.uint16)
     period_nodes = 2.0 if spacing_px is None else period_px / spacing_px
-    _flags(q, areas(q_rest) if rest_areas is None else rest_areas, period_nodes, *display_size, out)
+    _flags(
+        np.ascontiguousarray(q),
+        areas(q_rest) if rest_areas is None else rest_areas,
+        period_nodes,
+        *display_size,
+        out,
+    )
     return out
