@@ -58,11 +58,25 @@ def test_nothing_is_learned_while_something_presses():
     for seed in range(2 * FRAMES):
         uneven.levelled(warp(seed), State.LOCKED, None)
     given = warp(99)
-    assert uneven.levelled(given, State.RESTING, None) is given
+    assert uneven.levelled(given, State.LOCKED, None) is given
+
+
+def test_the_first_frame_at_rest_is_without_dirt_too_and_less_is_known_by_it():
+    uneven = UnevenRest(REST)
+    first = uneven.levelled(warp(1), State.RESTING, None)
+    disturbed = DIRT[..., 0] > 0
+    # what is left is the slow rest's curvature; a press begins, and the noise of that one frame comes with it
+    assert np.abs(first.q - REST - SLOW)[disturbed].max() < 2 * SIGMA
+    pressed = uneven.levelled(warp(2, 1.0), State.NULLING, None)
+    off = (pressed.q - REST - SLOW - 1.0)[disturbed]
+    assert np.sqrt(np.mean(off**2)) == pytest.approx(2**0.5 * SIGMA, rel=0.4)
+    assert (
+        pressed.sigma[disturbed] > learned().levelled(warp(2, 1.0), State.NULLING, None).sigma[disturbed]
+    ).all()
 
 
 def test_a_new_zero_is_learned_again():
     uneven = learned()
     zero = np.zeros_like(REST)
     given = warp(99, dirt=0.0)
-    assert uneven.levelled(given, State.RESTING, zero) is given
+    assert uneven.levelled(given, State.LOCKED, zero) is given

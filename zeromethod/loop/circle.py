@@ -26,7 +26,7 @@ from zeromethod.loop.events import Event
 from zeromethod.loop.light_hold import LightHold
 from zeromethod.loop.light_quality import LightWatch
 from zeromethod.loop.measured_warp import Known, expect, measure_warp, unmixed
-from zeromethod.loop.node_figures import away_from_rest, node_figures
+from zeromethod.loop.node_figures import at_rest, node_figures
 from zeromethod.loop.order_check import Order, OrderCheck
 from zeromethod.loop.panel_blur import PanelBlur
 from zeromethod.loop.unsteady_nodes import UnsteadyNodes
@@ -38,11 +38,11 @@ from zeromethod.warp.continuation import continue_smoothly
 from zeromethod.warp.rest import Rest
 from zeromethod.warp.warp import Role, Warp
 
-REST_BLOCK = 8
-"""Nodes on a side of the blocks that must all be at rest for the mirror to be."""
+REST_BLOCK = 4
+"""Half of the nodes on a side of the blocks that must all be at rest for the mirror to be."""
 
-REST_WITHIN_LCD_PX = 0.05
-"""Displacement rms of a block, beyond three deviations of noise, that counts as rest: 0.2 µm of press."""
+REST_SIGMAS, REST_WITHIN_LCD_PX = 3.0, 0.05
+"""Displacement rms of a block, beyond so many deviations of noise, that counts as rest: 0.2 µm of press."""
 
 MOVED_LCD_PX = 0.5
 """Where a node moved further between frames, and the light follows the slope, the image is read a second
@@ -311,8 +311,8 @@ class Circle:
         """
         estimate = self.controller.estimate
         rest_q = self.rest.q if rest_q is None else rest_q
-        worst, noise = away_from_rest(estimate, rest_q, measured.sigma, measured.valid, REST_BLOCK)
-        return bool(worst < (3 * noise**0.5 + REST_WITHIN_LCD_PX) ** 2)
+        known = measured.sigma, measured.valid
+        return bool(at_rest(estimate, rest_q, *known, REST_BLOCK, REST_SIGMAS, REST_WITHIN_LCD_PX))
 
 
 def _has_moved(measured: Warp, known_q: Float) -> bool:

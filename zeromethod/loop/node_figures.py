@@ -32,23 +32,43 @@ def node_figures(d: Float, nulled: Mask, valid: Mask, seen: Mask, flags: Flags) 
 
 
 @numba.njit(cache=True)
-def away_from_rest(q: Float, q_rest: Float, sigma: Float, valid: Mask, size: int) -> tuple[float, float]:
-    """(largest mean square displacement of any block, mean sigma^2), both per component, LCD px^2."""
+def at_rest(
+    q: Float, q_rest: Float, sigma: Float, valid: Mask, half: int, sigmas: float, within: float
+) -> bool:
+    """Whether displacements, LCD px, are noise: in every block, without the largest quarter of its nodes.
+
+    That leaves out dirt, which moves fewer nodes than a press of rubber does. A block, 2 `half` nodes on a
+    side and `half` from the next, is off where the root of its mean square per component is above so many
+    sigmas and `within`.
+    """
     rows, cols = valid.shape
-    largest = noise = 0.0
-    every = 0
-    for top in range(0, rows, size):
-        for left in range(0, cols, size):
-            total = 0.0
-            nodes = 0
-            for j in range(top, min(top + size, rows)):
-                for i in range(left, min(left + size, cols)):
-                    if valid[j, i]:
-                        nodes += 1
-                        for k in range(2):
-                            total += 0.5 * (q[j, i, k] - q_rest[j, i, k]) ** 2
-                            noise += 0.5 * sigma[j, i, k] ** 2
-            if nodes:
-                every += nodes
-                largest = max(largest, total / nodes)
-    return largest, noise / max(every, 1)
+    parts = np.zeros((2, -(-rows // half), -(-cols // half)))
+    noise = 0.0
+    for j in range(rows):
+        for i in range(cols):
+            if valid[j, i]:
+                x, y = q[j, i, 0] - q_rest[j, i, 0], q[j, i, 1] - q_rest[j, i, 1]
+                parts[0, j // half, i // half] += 0.5 * (x * x + y * y)
+                parts[1, j // half, i // half] += 1.0
+                noise += 0.5 * (sigma[j, i, 0] ** 2 + sigma[j, i, 1] ** 2)
+    limit = (sigmas * np.sqrt(noise / max(parts[1].sum(), 1.0)) + within) ** 2
+    for top in range(max(parts.shape[1] - 1, 1)):
+        for left in range(max(parts.shape[2] - 1, 1)):
+            total, nodes = parts[0, top : top + 2, left : left + 2], parts[1, top : top + 2, left : left + 2]
+            if total.sum() > limit * nodes.sum():
+                here = slice(half * top, half * (top + 2)), slice(half * left, half * (left + 2))
+                if _without_largest(q[here] - q_rest[here], valid[here]) > limit:
+                    return False
+    return True
+
+
+@numba.njit(cache=True)
+def _without_largest(away: Float, valid: Mask) -> float:
+    """Mean square per component of displacements (rows, cols, 2) of valid nodes, least three quarters."""
+    squares, nodes = np.empty(valid.size), 0
+    for j in range(valid.shape[0]):
+        for i in range(valid.shape[1]):
+            if valid[j, i]:
+                squares[nodes] = 0.5 * (away[j, i, 0] ** 2 + away[j, i, 1] ** 2)
+                nodes += 1
+    return float(np.sort(squares[:nodes])[: nodes - nodes // 4].mean())

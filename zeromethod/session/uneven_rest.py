@@ -17,7 +17,8 @@ from zeromethod.loop.state import State
 from zeromethod.warp.warp import Warp
 
 FRAMES = 16
-"""Frames at rest that are averaged: their noise adds 3 % to that of one."""
+"""Frames at rest that are averaged: their noise adds 3 % to that of one. What is known by 1, 2, 4 ... of them
+counts until then."""
 _AROUND = 11
 """Nodes on a side of the square whose median a node is held against: dirt disturbs four across."""
 _NOISES = 4.0
@@ -67,10 +68,12 @@ class UnevenRest:
         self._variance += np.where(measured.valid[..., None], measured.sigma**2, 0.0)
         self._valid &= measured.valid
         self._frames += 1
-        if self._frames == FRAMES:
-            self._finish(self._sum / FRAMES - self._rest_q, np.sqrt(self._variance) / FRAMES, self._valid)
+        if self._frames & (self._frames - 1) == 0:
+            displaced = self._sum / self._frames - self._rest_q
+            self._find(displaced, np.sqrt(self._variance) / self._frames, self._valid)
 
-    def _finish(self, displaced: Float, sigma: Float, valid: Mask) -> None:
+    def _find(self, displaced: Float, sigma: Float, valid: Mask) -> None:
+        self._off = self._open = None
         if not valid.any():
             return
         off = np.zeros_like(displaced)
@@ -84,4 +87,6 @@ class UnevenRest:
         near = maximum_filter(uneven, 3)
         self._off = np.where(near[..., None], off, 0.0)
         largest = maximum_filter(np.abs(self._off).max(axis=-1), 3)
-        self._open = np.repeat(_OPEN * largest[..., None], 2, axis=-1)
+        self._open = np.where(
+            near[..., None], np.hypot(_OPEN * largest[..., None], sigma), _OPEN * largest[..., None]
+        )

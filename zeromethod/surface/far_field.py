@@ -1,23 +1,26 @@
 """Far field of a dent: its depth where the view ends, from how slope and depth decay together.
 
 Depth D is read up to C h, and then slope with C grad h, of which C is to be found. The dent d = D - C h is
-one, or two at once, of any depth, place, size, length and sign, that obey one law as they press one material:
+one, or up to four at once, of any depth, place, size, length and sign, of a law each:
 
     d = A (1 + k z)^(-1 / (2 k)),    0 <= k <= 1,    z a quadratic form of the way from its centre,
 
 k = 1 falls as 1 / r, as any load on a deep elastic body does (Boussinesq; K. L. Johnson, Contact Mechanics,
 Cambridge 1985, section 3.2, doi:10.1017/CBO9781139171731), and nothing falls more slowly; k = 0 is a
 Gaussian; between them are other powers of r. Besides, d = A exp(1 - sqrt(1 + z)): a layer on a stiff ground,
-where depth decays exponentially. Two dents are two loads, or one with the bulge that rubber raises around it.
+where depth decays exponentially. Two dents are two loads, or one with the bulge that rubber raises around it;
+they obey one law, as they press one material, or each its own, as what presses differs; more are tried while
+they explain what is left.
 
 Their numbers are fitted to the slopes, and C with them: at the anchor they must leave what is read there.
 What a law leaves is noise and an error of its own, relative to the slopes, of unknown size, which is fitted
 as well. Errors of a law are much the same in neighbouring nodes: all of them count as some independent ones,
 as more where they are noise. The core, where loads lie and no law holds, counts little. As wrong as a law is
-of slopes, it is of the anchor's depth, relative to what its slopes imply if depth falls as 1 / r. Every law
-is as likely as it makes the slopes, each number that it needs a cost; k = 1 and k = 0 count apart from the k
-that fits best. A dent on a tilted mirror is one more explanation: a camera or an LCD that moved under a press
-looks like that. C is the mean over all, and its sigma contains what they disagree by.
+of slopes, it is of the anchor's depth, relative to what its slopes imply if depth falls as 1 / r; and of one
+that explains little, all dents may fall so from where they are steepest. Every law is as likely as it makes
+the slopes, each number that it needs a cost; k = 1 and k = 0 count apart from the k that fits best. A dent on
+a tilted mirror is one more explanation: a camera or an LCD that moved under a press looks like that. C is the
+mean over all, and its sigma contains what they disagree by.
 """
 
 from __future__ import annotations
@@ -30,6 +33,7 @@ from numpy.typing import NDArray
 from zeromethod.arrays import Float, Mask
 from zeromethod.surface.far_field_laws import Known, Nodes, centre, chosen
 from zeromethod.surface.far_field_posterior import posterior
+from zeromethod.surface.far_field_starts import FREE_LAW
 from zeromethod.surface.node_passes import diagonal
 
 _NO_LAW = 2.0
@@ -105,7 +109,7 @@ def _start(nodes: Nodes, pressed: Float, rest_mm: float, diagonal_mm: float) -> 
     # of a Gaussian
     size_mm = min(max(np.exp(-0.5) * range_mm / steepest, 0.01 * diagonal_mm), diagonal_mm)
     outwards = float((nodes.x - x) @ slope_x + (nodes.y - y) @ slope_y)
-    return np.array([-np.copysign(range_mm, outwards), x, y, 1.0 / size_mm, 0.0, 1.0 / size_mm])
+    return np.array([-np.copysign(range_mm, outwards), x, y, 1.0 / size_mm, 0.0, 1.0 / size_mm, FREE_LAW])
 
 
 def _evenly(nodes: Mask, most: int) -> tuple[NDArray[np.intp], ...]:

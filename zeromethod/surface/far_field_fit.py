@@ -6,7 +6,19 @@ import numba
 import numpy as np
 
 from zeromethod.arrays import Float
-from zeromethod.surface.far_field_laws import NUMBERS, Equations, Known, Nodes, dents_end, equations, nearest2
+from zeromethod.surface.far_field_laws import (
+    LAW,
+    NUMBERS,
+    ONE_LAW,
+    OWN_LAWS,
+    SET_LAWS,
+    Equations,
+    Known,
+    Nodes,
+    dents_end,
+    equations,
+    nearest2,
+)
 
 _PIECES, _NOISES = 14.0, 250.0
 """Independent errors of a law over the view, and those of noise."""
@@ -70,13 +82,27 @@ def _solve(normal: Float, right: Float, damping: float) -> tuple[bool, Float]:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _expect(numbers: Float, strength: float, free: bool, found: Equations) -> float:
-    """Add to the equations what is expected of dents and, if it is free, of their law; squares of that."""
-    normal, right, last = found.normal, found.right, len(numbers) - 1
-    if free:
-        normal[last, last] += strength / _LAW**2
-    else:
-        normal[last], normal[:, last], right[last], normal[last, last] = 0.0, 0.0, 0.0, 1.0
+def _free(k: int, laws: int) -> bool:
+    """Whether the law of the dent whose numbers begin at k is fitted."""
+    return laws != SET_LAWS and (k == 0 or laws != ONE_LAW)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _expect(numbers: Float, strength: float, laws: int, found: Equations, ends: float = 0.0) -> float:
+    """Add to the equations what is expected of dents and of laws that are fitted; squares of that.
+
+    A law that its end stops is as one that is not fitted; or as near its end as it must be, if the equations
+    times `ends` are the logarithm of likelihood.
+    """
+    normal, right = found.normal, found.right
+    for k in range(0, dents_end(numbers), NUMBERS):
+        law = k + LAW
+        inside = 0.0 < numbers[law] + np.sign(right[law]) * 1e-9 < 1.0
+        if _free(k, laws) and (inside or ends > 0.0):
+            normal[law, law] += strength / _LAW**2 + (0.0 if inside else ends * right[law] ** 2)
+        else:
+            normal[law], normal[:, law], right[law], normal[law, law] = 0.0, 0.0, 0.0, 1.0
+            found.of_border[law] = 0.0
     weight, squares = strength / _ROUND**2, 0.0
     for k in range(3, dents_end(numbers), NUMBERS):
         a, b, c = numbers[k], numbers[k + 1], numbers[k + 2]
@@ -97,13 +123,23 @@ def _expect(numbers: Float, strength: float, free: bool, found: Equations) -> fl
 def _allowed(numbers: Float, limits: Float) -> bool:
     """Whether all dents lie within limits (4, 2): of x, of y, of size, and of depth, mm."""
     for k in range(0, dents_end(numbers), NUMBERS):
-        depth, x, y, a, b, c = numbers[k : k + NUMBERS]
+        depth, x, y, a, b, c = numbers[k : k + LAW]
         if not (a > 0.0 and c > 0.0 and a < _LONGEST * c and c < _LONGEST * a and b * b < 4.0 * a * c):
             return False
         place = np.array([x, y, 1.0 / np.sqrt(a * c), depth])
         if not ((limits[:, 0] < place) & (place < limits[:, 1])).all():
             return False
     return True
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _bound(numbers: Float, laws: int) -> None:
+    """Keep fitted laws between their ends, and one of all the same."""
+    for k in range(0, dents_end(numbers), NUMBERS):
+        if _free(k, laws):
+            numbers[k + LAW] = min(max(numbers[k + LAW], 0.0), 1.0)
+        elif laws == ONE_LAW:
+            numbers[k + LAW] = numbers[LAW]
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -116,7 +152,7 @@ def _wrong2(found: Equations, wrong2: float) -> float:
 @numba.njit(cache=True, error_model="numpy")
 def fit(
     numbers: Float,
-    free: bool,
+    laws: int,
     passes: int,
     nodes: Nodes,
     quiet: Nodes,
@@ -127,13 +163,12 @@ def fit(
 ) -> None:
     """Fit dents' numbers (p,), in place, by Levenberg and Marquardt's steps; fill in a member `out`.
 
-    free: whether the law, the last number, is fitted too. The law's error is fitted with them. best: least
-    `UNLIKELY` so far.
+    laws: which are fitted too. Their error is fitted with them. best: least `UNLIKELY` so far.
     """
     strength = 2.0 * known.weight.sum() / _PIECES
-    wrong2, damping = _WRONG2_OF_TWO if len(numbers) > 2 * NUMBERS else _WRONG2, 1e-3
-    found = equations(numbers, nodes, quiet, known, wrong2, np.ones((2, len(nodes.x))))
-    own = _expect(numbers, strength, free, found)
+    wrong2, damping = _WRONG2_OF_TWO if len(numbers) >= 2 * NUMBERS else _WRONG2, 1e-3
+    found = equations(numbers, laws, nodes, quiet, known, wrong2, np.ones((2, len(nodes.x))))
+    own = _expect(numbers, strength, laws, found)
     for k in range(passes):
         solved, step = _solve(found.normal, found.right, damping)
         better = _wrong2(found, wrong2)
@@ -142,11 +177,10 @@ def fit(
         if k == SHORT and _unlikely(found, known) > best + _HOPELESS:
             break
         new = numbers + step
-        new[-1] = min(max(new[-1], 0.0), 1.0) if free else numbers[-1]
+        _bound(new, laws)
         if solved and _allowed(new, limits):
-            tried = equations(new, nodes, quiet, known, better, found.variance)
-            at_end = new[-1] + np.sign(tried.right[-1]) * 1e-9
-            own_new = _expect(new, strength, free and 0.0 < at_end < 1.0, tried)
+            tried = equations(new, laws, nodes, quiet, known, better, found.variance)
+            own_new = _expect(new, strength, laws, tried)
             if tried.before + own_new < found.misfit + own:
                 numbers[:], found, own, wrong2 = new, tried, own_new, better
                 damping = max(0.1 * damping, 1e-7)
@@ -154,7 +188,7 @@ def fit(
         damping = max(10.0 * damping, 1e-2)
         if damping > 1e6:
             break
-    _judge(numbers, free, wrong2, found, nodes, quiet, known, out)
+    _judge(numbers, laws, wrong2, found, nodes, quiet, known, out)
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -169,7 +203,7 @@ def _unlikely(found: Equations, known: Known) -> float:
 @numba.njit(cache=True, error_model="numpy")
 def _judge(
     numbers: Float,
-    free: bool,
+    laws: int,
     wrong2: float,
     found: Equations,
     nodes: Nodes,
@@ -186,25 +220,31 @@ def _judge(
         without = found.left[0, i] ** 2 / nodes.variance_x[i] + found.left[1, i] ** 2 / nodes.variance_y[i]
         excess += 0.5 * known.weight[i] * (without + np.log(of_x * of_y))
     independent, constant = pieces(noise / total), known.rest_mm - found.border_mm
-    # a law at its end is as one that is not fitted
-    fitted = free and found.normal[-1, 0] != 0.0
-    _expect(numbers, total / independent - total / _PIECES, fitted, found)
-    if not fitted:
-        found.of_border[-1] = 0.0
+    out[COUNT] = len(numbers)
+    for k in range(0, dents_end(numbers), NUMBERS):
+        # one of several that its end stops needs no more than one that is not fitted
+        stops = laws == OWN_LAWS and found.normal[k + LAW, k] == 0.0
+        out[COUNT] -= 0.0 if _free(k, laws) and not stops else 1.0
+    if laws == OWN_LAWS:
+        found = equations(numbers, laws, nodes, quiet, known, wrong2, found.variance)
+        _expect(numbers, total / independent, laws, found, independent / total)
+    else:
+        _expect(numbers, total / independent - total / _PIECES, laws, found)
     solved, moved = _solve(found.normal, found.of_border, 1e-9)
     variance = (found.of_border @ moved) * total / independent * max(found.misfit / total, 1.0)
-    if fitted:
+    if laws != SET_LAWS and found.normal[LAW, 0] != 0.0:
         only = np.zeros(len(numbers))
-        only[-1] = 1.0
-        of_law = _solve(found.normal, only, 1e-9)[1][-1]
+        only[LAW] = 1.0
+        of_law = _solve(found.normal, only, 1e-9)[1][LAW]
         out[SPREAD] = np.sqrt(of_law * total / independent * max(found.misfit / total, 1.0))
     else:
         out[SPREAD] = 0.0
     out[UNLIKELY], out[CONSTANT] = _unlikely(found, known), constant
-    doubt2 = wrong2 * (1.0 + (wrong2 / _DOUBTED2) ** 2)
-    out[VARIANCE] = variance + doubt2 * _implied2(numbers, constant, quiet, known) if solved else np.inf
+    implied2, doubt = _implied2(numbers, constant, quiet, known), wrong2 / _DOUBTED2
+    slower2 = max(implied2, _slowest2(numbers, quiet, known))
+    out[VARIANCE] = variance + wrong2 * (implied2 + doubt * doubt * slower2) if solved else np.inf
     out[EXCESS] = excess - 0.5 * found.misfit if wrong2 > _LEAST_WRONG2 else 0.0
-    out[WRONG], out[NOISE], out[COUNT] = np.sqrt(wrong2), noise / total, len(numbers) - (0 if free else 1)
+    out[WRONG], out[NOISE] = np.sqrt(wrong2), noise / total
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -217,6 +257,20 @@ def _implied2(numbers: Float, constant: float, quiet: Nodes, known: Known) -> fl
         slope2 = x * x + y * y - 2.0 * (quiet.variance_x[i] + quiet.variance_y[i])
         total += known.share[i] * near2[i] * slope2 / quiet.scale[i] ** 2
     return max(total, 0.0)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _slowest2(numbers: Float, quiet: Nodes, known: Known) -> float:
+    """Square of depth / h, mm^2, at the anchor if all dents fell as 1 / r from where they are steepest."""
+    total = 0.0
+    for i in range(len(known.share)):
+        depth = 0.0
+        for k in range(0, dents_end(numbers), NUMBERS):
+            across, down = quiet.x[i] - numbers[k + 1], quiet.y[i] - numbers[k + 2]
+            size2 = 1.0 / (numbers[k + 3] * numbers[k + 5])
+            depth += abs(numbers[k]) * np.sqrt(size2 / (across * across + down * down + size2))
+        total += known.share[i] * (depth / quiet.scale[i]) ** 2
+    return total
 
 
 @numba.njit(cache=True, error_model="numpy")

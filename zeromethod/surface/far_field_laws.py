@@ -9,8 +9,12 @@ import numpy as np
 
 from zeromethod.arrays import Float, Ints
 
-NUMBERS = 6
-"""Of one dent: depth, mm; place x, y, mm; a, b, c, 1/mm, of z = (a X + b Y)^2 + (c Y)^2, X, Y from there."""
+NUMBERS, LAW = 7, 6
+"""Of one dent: depth, mm; place x, y, mm; a, b, c, 1/mm, of z = (a X + b Y)^2 + (c Y)^2, X, Y from there; and
+its law."""
+
+SET_LAWS, ONE_LAW, OWN_LAWS = range(3)
+"""Laws of several dents: as they are, one that is fitted, the first one's, or fitted to each."""
 
 LAYER = -1.0
 """Law of depth exp(1 - sqrt(1 + z)); those from 0 to 1 are depth (1 + law z)^(-1 / (2 law))."""
@@ -92,9 +96,9 @@ class Equations(NamedTuple):
 
 
 @numba.njit(cache=True, error_model="numpy", fastmath=_SUMS)
-def _add(dent: Float, law: float, x: Float, y: Float, by: Float, by_law: Float, field: Float) -> None:
-    """Add one dent's depth and slopes to `field` (3, n), and to `by_law`; its derivatives `by` (6, 3, n)."""
-    depth, a, b, c = dent[0], dent[3], dent[4], dent[5]
+def _add(dent: Float, x: Float, y: Float, by: Float, field: Float) -> None:
+    """Add one dent's depth and slopes to `field` (3, n); fill in its derivatives `by` (7, 3, n)."""
+    depth, a, b, c, law = dent[0], dent[3], dent[4], dent[5], dent[LAW]
     layer, k = law < 0.0, law if law > _GAUSSIAN else 0.0
     # the shape and the derivative of its logarithm by the law, apart from what is vectorised
     for i in range(len(x)):
@@ -120,9 +124,9 @@ def _add(dent: Float, law: float, x: Float, y: Float, by: Float, by_law: Float, 
         slope_x, slope_y = first * z_x, first * z_y
         if not layer:
             of_law = by[3, 0, i]
-            by_law[0, i] += depth * shape * of_law
-            by_law[1, i] += slope_x * (of_law - z * flatter)
-            by_law[2, i] += slope_y * (of_law - z * flatter)
+            by[LAW, 0, i] = depth * shape * of_law
+            by[LAW, 1, i] = slope_x * (of_law - z * flatter)
+            by[LAW, 2, i] = slope_y * (of_law - z * flatter)
         by[1, 0, i], by[2, 0, i] = -slope_x, -slope_y
         z_a, z_b, z_c = 2.0 * u * across, 2.0 * u * down, 2.0 * v * down
         by[3, 0, i], by[4, 0, i], by[5, 0, i] = first * z_a, first * z_b, first * z_c
@@ -142,19 +146,22 @@ def _add(dent: Float, law: float, x: Float, y: Float, by: Float, by_law: Float, 
 
 @numba.njit(cache=True, error_model="numpy")
 def dents_end(numbers: Float) -> int:
-    """Count of the dents' numbers; two more may follow, a tilt of all slopes, rad, and the law comes last."""
-    return (len(numbers) - 1) // NUMBERS * NUMBERS
+    """Count of the dents' numbers; two more may follow, a tilt of all slopes, rad."""
+    return len(numbers) // NUMBERS * NUMBERS
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _dents(numbers: Float, x: Float, y: Float) -> tuple[Float, Float]:
+def _dents(numbers: Float, laws: int, x: Float, y: Float) -> tuple[Float, Float]:
     """Depth and slopes (3, n) of all dents, a tilt's slopes, and their derivatives (p, 3, n)."""
-    last, end = len(numbers) - 1, dents_end(numbers)
-    field, by = np.zeros((3, len(x))), np.zeros((last + 1, 3, len(x)))
-    for axis in range(last - end):
+    end = dents_end(numbers)
+    field, by = np.zeros((3, len(x))), np.zeros((len(numbers), 3, len(x)))
+    for axis in range(len(numbers) - end):
         field[1 + axis], by[end + axis, 1 + axis] = numbers[end + axis], 1.0
     for k in range(0, end, NUMBERS):
-        _add(numbers[k : k + NUMBERS], numbers[last], x, y, by[k : k + NUMBERS], by[last], field)
+        _add(numbers[k : k + NUMBERS], x, y, by[k : k + NUMBERS], field)
+        if k > 0 and laws == ONE_LAW:
+            by[LAW] += by[k + LAW]
+            by[k + LAW] = 0.0
     return field, by
 
 
@@ -172,21 +179,21 @@ def nearest2(numbers: Float, x: Float, y: Float) -> Float:
 
 @numba.njit(cache=True, error_model="numpy", fastmath=_SUMS)
 def equations(
-    numbers: Float, nodes: Nodes, quiet: Nodes, known: Known, wrong2: float, before: Float
+    numbers: Float, laws: int, nodes: Nodes, quiet: Nodes, known: Known, wrong2: float, before: Float
 ) -> Equations:
-    """Of dents with these numbers (p,), the law last, whose law is wrong by wrong2, relative, squared.
+    """Of dents with these numbers (p,), whose laws are wrong by wrong2, relative, squared.
 
     before: (2, n) variance of slopes that `Equations.before` is relative to.
     """
     count, n = len(numbers), len(nodes.x)
-    field, by = _dents(numbers, quiet.x, quiet.y)
+    field, by = _dents(numbers, laws, quiet.x, quiet.y)
     border_mm, of_border = 0.0, np.zeros(count)
     for i in range(len(known.share)):
         border_mm += known.share[i] / quiet.scale[i] * field[0, i]
         for j in range(count):
             of_border[j] += known.share[i] / quiet.scale[i] * by[j, 0, i]
     constant = known.rest_mm - border_mm
-    field, by = _dents(numbers, nodes.x, nodes.y)
+    field, by = _dents(numbers, laws, nodes.x, nodes.y)
     near2 = nearest2(numbers, nodes.x, nodes.y)
     left, variance, weight = np.empty((2, n)), np.empty((2, n)), np.empty((2, n))
     misfit = misfit_before = lacking = expected = 0.0

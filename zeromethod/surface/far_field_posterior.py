@@ -20,7 +20,18 @@ from zeromethod.surface.far_field_fit import (
     fit,
     pieces,
 )
-from zeromethod.surface.far_field_laws import LAYER, NUMBERS, Known, Nodes, equations
+from zeromethod.surface.far_field_laws import (
+    LAW,
+    LAYER,
+    NUMBERS,
+    ONE_LAW,
+    OWN_LAWS,
+    SET_LAWS,
+    Known,
+    Nodes,
+    dents_end,
+    equations,
+)
 from zeromethod.surface.far_field_starts import Tried, best_one, best_two, tried_dents
 
 _UNFIT = 0.15
@@ -50,8 +61,19 @@ _RANGES, _MOST_RANGES = 1.0, 3.0
 that says more is doubted by as much as it says more. Such a dent moves what is seen hardly more than the
 multiple of the scale that cannot be seen."""
 
-_MEMBERS = 12
-"""Four of one dent, as many from another start, three of two, and one on a mirror that is tilted."""
+_UNLIKE = 0.02
+"""Error of one law from which dents may have laws of their own."""
+
+_WORTH = 0.05
+"""Share of what is left that a further dent must explain to be tried, and logarithm of likelihood for each
+slope that it must gain for one more."""
+
+_SEEN_BEYOND = 0.15
+"""Way beyond the view, over its extent, up to which a further dent is looked for closely."""
+
+_TWO, _OWN, _MEMBERS = 8, 11, 15
+"""Four of one dent, as many from another start, three of two with one law; two to four
+dents, each with its own law; and last one on a mirror that is tilted."""
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -60,24 +82,24 @@ def posterior(
 ) -> tuple[float, float]:
     """Mean and standard deviation of C, mm.
 
-    start: numbers (6,) of a dent to start from. range_mm: of depth read; diagonal_mm: of the view.
+    start: numbers (7,) of a dent to start from. range_mm: of depth read; diagonal_mm: of the view.
     """
     limits, members = _limits(nodes, range_mm, diagonal_mm), np.full((_MEMBERS, COLUMNS), np.inf)
-    one, best = np.append(start, 0.5), 0
-    alone = np.append(start, 0.5)
+    one, best = start.copy(), 0
+    alone = start.copy()
     for turn in range(2):
         first = 4 * turn
-        fit(one, True, _PASSES, nodes, quiet, known, limits, members[best, UNLIKELY], members[first])
+        fit(one, ONE_LAW, _PASSES, nodes, quiet, known, limits, members[best, UNLIKELY], members[first])
         best = first if turn == 0 or members[first, UNLIKELY] < members[best, UNLIKELY] else best
         if best == first:
             alone[:] = one
         for k, law in ((1, 1.0), (2, 0.0), (3, LAYER)):
-            if turn == 0 and not _possible(members[0], one[-1], law):
+            if turn == 0 and not _possible(members[0], one[LAW], law):
                 continue
             same = _same_scale(alone if members[best, WRONG] < _UNFIT else one, law)
             fit(
                 same,
-                False,
+                SET_LAWS,
                 _PASSES,
                 nodes,
                 quiet,
@@ -90,11 +112,13 @@ def posterior(
                 best, alone[:] = first + k, same
         if members[best, WRONG] < _UNFIT:
             break
-        one[:-1] = best_one(_all_slopes(nodes, quiet, known, limits, diagonal_mm))
-        one[-1] = 0.5
+        one[:] = best_one(_all_slopes(nodes, quiet, known, limits, diagonal_mm))[1]
     if members[best, EXCESS] > _EXPLAINED:
-        _fit_two(alone, nodes, quiet, known, limits, diagonal_mm, members[best], members[8:11])
-    _fit_tilted(start, nodes, quiet, known, limits, members[best, UNLIKELY], members[11])
+        two = _fit_two(alone, nodes, quiet, known, limits, diagonal_mm, members[best], members[_TWO:_OWN])
+        best = int(np.argmin(members[:, UNLIKELY]))
+        if members[best, EXCESS] > _EXPLAINED and members[best, WRONG] > _UNLIKE:
+            _fit_own(alone, two, nodes, quiet, known, limits, diagonal_mm, members[_OWN:-1])
+    _fit_tilted(start, nodes, quiet, known, limits, members[:, UNLIKELY].min(), members[-1])
     return _together(members, known.rest_mm, _RANGES * range_mm)
 
 
@@ -112,7 +136,7 @@ def _possible(member: Float, found: float, law: float) -> bool:
 def _same_scale(numbers: Float, law: float) -> Float:
     """The same dents with another law."""
     out = numbers.copy()
-    out[-1] = law
+    out[LAW : dents_end(out) : NUMBERS] = law
     return out
 
 
@@ -140,27 +164,87 @@ def _fit_two(
     diagonal_mm: float,
     single: Float,
     members: Float,
-) -> None:
-    """Fit two dents of one law: one beside the one found alone, a bulge around it, or two found together."""
+) -> Float:
+    """Fit two dents of one law: one beside the one found alone, a bulge around it, or two found together.
+
+    Returns their numbers.
+    """
     best, wrong2 = single[UNLIKELY], max(single[WRONG] ** 2, _LEAST_WRONG2)
-    found = equations(alone, nodes, quiet, known, wrong2, np.ones((2, len(nodes.x))))
-    beside = best_one(tried_dents(found.left, found.variance, nodes, quiet, known, limits, diagonal_mm))
-    law = np.full(1, alone[-1] if alone[-1] >= 0.0 else 0.3)
-    starts = np.empty((3, 2 * NUMBERS + 1))
-    starts[0] = np.concatenate((alone[:-1], beside, law))
-    starts[1] = np.concatenate((alone[:-1], alone[:-1], law))
+    found = equations(alone, SET_LAWS, nodes, quiet, known, wrong2, np.ones((2, len(nodes.x))))
+    beside = best_one(tried_dents(found.left, found.variance, nodes, quiet, known, limits, diagonal_mm))[1]
+    law = alone[LAW] if alone[LAW] >= 0.0 else 0.3
+    starts = np.empty((3, 2 * NUMBERS))
+    starts[0] = np.concatenate((alone, beside))
+    starts[1] = np.concatenate((alone, alone))
+    starts[:2, LAW::NUMBERS] = law
     starts[1, 0], starts[1, NUMBERS] = 1.15 * alone[0], -0.15 * alone[0]
-    starts[1, NUMBERS + 3 : 2 * NUMBERS] *= 0.5
+    starts[1, NUMBERS + 3 : NUMBERS + LAW] *= 0.5
     starts[2] = best_two(_all_slopes(nodes, quiet, known, limits, diagonal_mm))
     for k, passes in enumerate((SHORT, SHORT, 2 * SHORT)):
-        fit(starts[k], True, passes, nodes, quiet, known, limits, best, members[k])
-    two = starts[np.argmin(members[:, UNLIKELY])]
-    fit(two, True, _PASSES, nodes, quiet, known, limits, best, members[0])
+        fit(starts[k], ONE_LAW, passes, nodes, quiet, known, limits, best, members[k])
+    two: Float = starts[np.argmin(members[:, UNLIKELY])]
+    fit(two, ONE_LAW, _PASSES, nodes, quiet, known, limits, best, members[0])
     for k, of_law in ((1, 1.0), (2, 0.0)):
         members[k, UNLIKELY] = np.inf
-        if _possible(members[0], two[-1], of_law):
+        if _possible(members[0], two[LAW], of_law):
             same = _same_scale(two, of_law)
-            fit(same, False, _PASSES, nodes, quiet, known, limits, best, members[k])
+            fit(same, SET_LAWS, _PASSES, nodes, quiet, known, limits, best, members[k])
+    return two
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _fit_own(
+    alone: Float,
+    two: Float,
+    nodes: Nodes,
+    quiet: Nodes,
+    known: Known,
+    limits: Float,
+    diagonal_mm: float,
+    members: Float,
+) -> None:
+    """Fit two dents, each with its own law, and more while what is left asks for it.
+
+    alone: numbers of a dent found alone; two: of two with one law.
+    """
+    start, dents = np.empty((2, COLUMNS)), two.copy()
+    worth, beside = _further(alone, _ROUGHLY2, nodes, quiet, known, limits, diagonal_mm)
+    if worth > _WORTH:
+        fit(dents, OWN_LAWS, SHORT, nodes, quiet, known, limits, np.inf, start[0])
+        fit(beside, OWN_LAWS, SHORT, nodes, quiet, known, limits, np.inf, start[1])
+        dents = beside if start[1, UNLIKELY] < start[0, UNLIKELY] else dents
+    before = np.inf
+    for k in range(len(members)):
+        fit(dents, OWN_LAWS, _PASSES, nodes, quiet, known, limits, np.inf, members[k])
+        if members[k, EXCESS] < _EXPLAINED or members[k, UNLIKELY] > before - _WORTH:
+            break
+        before, wrong2 = members[k, UNLIKELY], max(members[k, WRONG] ** 2, _LEAST_WRONG2)
+        worth, dents = _further(dents, wrong2, nodes, quiet, known, limits, diagonal_mm)
+        if worth < _WORTH:
+            break
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _further(
+    dents: Float, wrong2: float, nodes: Nodes, quiet: Nodes, known: Known, limits: Float, diagonal_mm: float
+) -> tuple[float, Float]:
+    """Share that one more dent explains of what some leave, and the numbers of all; none is a layer's.
+
+    wrong2: square of the law's error. It is looked for everywhere, and closely about the view.
+    """
+    left = equations(dents, SET_LAWS, nodes, quiet, known, wrong2, np.ones((2, len(nodes.x))))
+    close, most, found = limits.copy(), 0.0, np.zeros(NUMBERS)
+    for axis, at in ((0, nodes.x), (1, nodes.y)):
+        beyond = _SEEN_BEYOND * (at.max() - at.min())
+        close[axis] = at.min() - beyond, at.max() + beyond
+    for region in (limits, close):
+        tried = tried_dents(left.left, left.variance, nodes, quiet, known, region, diagonal_mm)
+        share, one = best_one(tried)
+        if share > most:
+            most, found = share, one
+    out = np.concatenate((dents, found))
+    out[LAW::NUMBERS] = np.maximum(out[LAW::NUMBERS], 0.0)
+    return most, out
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -171,8 +255,8 @@ def _fit_tilted(
 
     Then depth is off by the tilt, which goes into the variance.
     """
-    tilted = np.concatenate((start, np.zeros(2), np.full(1, 0.5)))
-    fit(tilted, True, _PASSES, nodes, quiet, known, limits, best, member)
+    tilted = np.concatenate((start, np.zeros(2)))
+    fit(tilted, ONE_LAW, _PASSES, nodes, quiet, known, limits, best, member)
     off_mm = tilted[NUMBERS] * (nodes.x - known.share @ quiet.x)
     off_mm += tilted[NUMBERS + 1] * (nodes.y - known.share @ quiet.y)
     member[VARIANCE] += np.mean(off_mm**2)
@@ -182,7 +266,7 @@ def _fit_tilted(
 def _all_slopes(nodes: Nodes, quiet: Nodes, known: Known, limits: Float, diagonal_mm: float) -> Tried:
     """Dents tried for the slopes as they were read."""
     none = np.array([0.0, nodes.x[0], nodes.y[0], 1.0 / diagonal_mm, 0.0, 1.0 / diagonal_mm, 0.5])
-    found = equations(none, nodes, quiet, known, _ROUGHLY2, np.ones((2, len(nodes.x))))
+    found = equations(none, SET_LAWS, nodes, quiet, known, _ROUGHLY2, np.ones((2, len(nodes.x))))
     return tried_dents(found.left, found.variance, nodes, quiet, known, limits, diagonal_mm)
 
 

@@ -8,7 +8,7 @@ import numba
 import numpy as np
 
 from zeromethod.arrays import Float
-from zeromethod.surface.far_field_laws import NUMBERS, Known, Nodes
+from zeromethod.surface.far_field_laws import LAW, NUMBERS, Known, Nodes
 
 _PLACES, _SIZES = (9, 7), (24.0, 12.0, 6.0, 3.0)
 """Places across and down, and the view's diagonal over sizes, of the dents that are tried."""
@@ -19,8 +19,8 @@ _NODES, _QUIET = 3, 4
 _APART = 0.02
 """Least determinant of two dents' products, over that of dents which have nothing in common."""
 
-_FREE_LAW = 0.5
-"""Law that a fit of two starts from."""
+FREE_LAW = 0.5
+"""Law that a fit starts from."""
 
 
 class Tried(NamedTuple):
@@ -84,8 +84,8 @@ def _along(tried: Tried) -> Float:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def best_one(tried: Tried) -> Float:
-    """Numbers (6,) of the dent that alone explains the slopes best; of depth 0 where none does."""
+def best_one(tried: Tried) -> tuple[float, Float]:
+    """Share of the slopes' squares that the best dent explains, and its numbers (7,); depth 0 for none."""
     along, best, out = _along(tried), 0.0, np.zeros(NUMBERS)
     for one in range(len(along)):
         square = _product(tried.slopes[one], tried.slopes[one])
@@ -93,16 +93,15 @@ def best_one(tried: Tried) -> Float:
         if along[one] * depth_mm > best and abs(depth_mm) < tried.deepest_mm:
             best = along[one] * depth_mm
             _fill(out, depth_mm, tried.about[one])
-    return out
+    return best / max(_product(tried.left, tried.left), 1e-300), out
 
 
 @numba.njit(cache=True, error_model="numpy")
 def best_two(tried: Tried) -> Float:
-    """Numbers (13,) of the two dents that together explain the slopes best, and of their law."""
+    """Numbers (14,) of the two dents that together explain the slopes best."""
     along = _along(tried)
     squares = np.array([_product(one, one) for one in tried.slopes])
-    best, out = 0.0, np.zeros(2 * NUMBERS + 1)
-    out[-1] = _FREE_LAW
+    best, out = 0.0, np.zeros(2 * NUMBERS)
     for one in range(len(along)):
         for other in range(one):
             a, b, c = squares[one], _product(tried.slopes[one], tried.slopes[other]), squares[other]
@@ -114,12 +113,12 @@ def best_two(tried: Tried) -> Float:
                 if gain > best and max(abs(first), abs(second)) < tried.deepest_mm:
                     best = gain
                     _fill(out[:NUMBERS], first, tried.about[one])
-                    _fill(out[NUMBERS:-1], second, tried.about[other])
+                    _fill(out[NUMBERS:], second, tried.about[other])
     return out
 
 
 @numba.njit(cache=True, error_model="numpy")
 def _fill(numbers: Float, depth_mm: float, about: Float) -> None:
-    """Fill in the numbers (6,) of a round dent."""
+    """Fill in the numbers (7,) of a round dent."""
     numbers[0], numbers[1], numbers[2] = depth_mm, about[0], about[1]
-    numbers[3], numbers[4], numbers[5] = about[2], 0.0, about[2]
+    numbers[3], numbers[4], numbers[5], numbers[LAW] = about[2], 0.0, about[2], FREE_LAW
