@@ -166,7 +166,14 @@ def test_a_name_with_blanks_is_quoted_in_what_to_type_next(tmp_path):
 
 @pytest.mark.parametrize(
     "arguments",
-    [("--gap", 999, "--lcd-along", 3000), ("--width", 0.01), ("--pixel", 1e-300), ("--lens", "nan")],
+    [
+        ("--gap", 999, "--lcd-along", 3000),
+        ("--pitch", 90),
+        ("--distance", 28, "--from", "virtual"),
+        ("--width", 0.01),
+        ("--pixel", 1e-300),
+        ("--lens", "nan"),
+    ],
 )
 def test_a_bench_that_cannot_be_is_not_written(arguments, path):
     assert init(path, *arguments).exit_code != 0

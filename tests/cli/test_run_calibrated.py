@@ -4,9 +4,11 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 from command_line import run
+from commands import assert_refused, typed
 from small_rigs import BENCH_160, small_rig_file
 
 from zeromethod.calibration.folder import DOCUMENT, RIG, SCHEMA_VERSION
+from zeromethod.cli.check import check_command
 
 
 def calibrated(folder: Path, exposure_s: float, days_ago: float) -> Path:
@@ -41,6 +43,15 @@ def test_a_real_benchs_calibration_asks_for_its_devices(tmp_path):
     words = "calibrated with real devices: give --display N and --camera ADDRESS, or --simulate"
     assert outcome(rig) == (2, f"zeromethod: --rig: {rig}: {words}\n")
     assert outcome(rig, "--simulate") == (0, "")
+
+
+def test_a_simulated_bench_is_not_checked_in_place_of_the_calibrated_one(tmp_path):
+    rig = calibrated(tmp_path, 0.008, days_ago=0)
+    with (tmp_path / DOCUMENT).open("a") as document:
+        document.write('driver = "opencv"\n[fingerprint.display]\ndriver = "window"\n')
+    refused = typed(check_command, "--rig", rig)
+    assert_refused(refused, f"{rig}: calibrated with real devices: give --display N and --camera ADDRESS")
+    assert not list(tmp_path.rglob("checks.csv"))
 
 
 def test_the_simulated_twin_needs_no_measured_rest(tmp_path):

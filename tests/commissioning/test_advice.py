@@ -53,6 +53,11 @@ def test_hidden_nodes_are_reported_with_the_dark_among_them():
     )
 
 
+def test_a_view_that_misses_most_of_the_lcd_is_not_good():
+    (said,) = advice(replace(FINE, seen_share=0.13), RIG, UPRIGHT)
+    assert said.startswith("by the rig file only 13% of the image sees the LCD: compare its lengths")
+
+
 def test_flicker_asks_for_full_brightness_or_whole_periods():
     (said,) = advice(FINE, RIG, UPRIGHT, flicker_share=0.034)
     assert said.startswith("the light flickers by 3.4% from frame to frame: set the LCD to full brightness")

@@ -92,7 +92,8 @@ class BenchModes:
         kept = values > _LEAST * values[0]
         combined = (right[kept] / (size * values[kept, None])).T
         middle = np.array([np.mean(u), np.mean(v)])
-        half = np.array([np.ptp(u), np.ptp(v)]) / 2.0
+        # at least a pixel: nodes may share a column where little of the LCD is seen
+        half = np.maximum(np.array([np.ptp(u), np.ptp(v)]) / 2.0, 1.0)
         terms = polyvander2d((u - middle[0]) / half[0], (v - middle[1]) / half[1], [_DEGREE, _DEGREE])
         modes = (patterns[..., :12] @ combined).reshape(len(u), -1)
         coefficients = np.linalg.lstsq(terms, modes, rcond=None)[0]

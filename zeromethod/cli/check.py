@@ -10,6 +10,7 @@ from rich.console import Console
 
 from zeromethod.calibration.folder import calibration_of
 from zeromethod.cli.calibrate_known import check_depths
+from zeromethod.cli.calibrated_bench import check_calibration
 from zeromethod.cli.device_options import (
     BenchOptions,
     bench_options,
@@ -81,15 +82,21 @@ def check_command(
     check_folder("--rig", log.parent)
     stored = calibration_of(rig_name)
     limit_threads()
-    with stopped_by_signals(), opened_devices(rig) as devices:
-        found = check_bench(
-            rig,
-            devices,
-            press_depth_mm=press_depth_mm,
-            press_sigma_mm=press_sigma_mm,
-            warning=None if stored is None else stored.age_warning(),
-            prompts=TerminalPrompts(),
-        )
+    try:
+        with stopped_by_signals(), opened_devices(rig) as devices:
+            if stored is not None:
+                check_calibration(stored, rig_name, rig, devices)
+            found = check_bench(
+                rig,
+                devices,
+                press_depth_mm=press_depth_mm,
+                press_sigma_mm=press_sigma_mm,
+                warning=None if stored is None else stored.age_warning(),
+                prompts=TerminalPrompts(),
+            )
+    except KeyboardInterrupt:
+        click.echo("interrupted: nothing was kept", err=True)
+        raise
     _report(found, log, summary)
 
 

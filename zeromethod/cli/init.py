@@ -37,7 +37,8 @@ _QUESTIONS = (
         "priors.faces_difference_deg",
         "--faces-sigma",
         _SIGMA,
-        "the faces' difference in angle: standard deviation, degrees",
+        "the faces' difference in angle: standard deviation, degrees (1.4 times the angle's where each is "
+        "measured by itself)",
     ),
     ("pattern_length_mm", "--leg", _LENGTH, "length of the pattern face, from P0 to its far edge, mm"),
     ("priors.length_mm", "--leg-sigma", _SIGMA, "the pattern face's length: standard deviation, mm"),

@@ -10,14 +10,13 @@ from typing import Any
 import click
 from rich.console import Console
 
-from zeromethod.calibration.fingerprint import check
-from zeromethod.calibration.folder import DOCUMENT, Stored, calibration_of, lacks_document
+from zeromethod.calibration.folder import DOCUMENT, calibration_of, lacks_document
+from zeromethod.cli.calibrated_bench import check_calibration
 from zeromethod.cli.device_options import (
     BenchOptions,
     bench_options,
     control_options,
     given_options,
-    other_devices,
     rig_option,
     scenario_options,
     with_devices,
@@ -31,7 +30,7 @@ from zeromethod.cli.page_options import opened_page, page_options
 from zeromethod.cli.recording_options import RecordingOptions, recording_options
 from zeromethod.cli.starting import Starting
 from zeromethod.cli.stopping import stopped_by_signals
-from zeromethod.devices.opening import Devices, open_devices
+from zeromethod.devices.opening import open_devices
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.loop.state import State
 from zeromethod.operating.readings import HISTORY
@@ -39,7 +38,6 @@ from zeromethod.operating.run_table import RUN
 from zeromethod.optics import check_geometry
 from zeromethod.publishing.publisher import Publisher
 from zeromethod.rig.load import load_rig
-from zeromethod.rig.model import SIMULATED, Rig
 from zeromethod.session.fine import with_moving_target
 from zeromethod.session.result import RunResult
 from zeromethod.session.session import Session
@@ -163,7 +161,9 @@ def run_command(
             click.echo(f"publishing at {publisher.address}", err=True)
         stored = calibration_of(rig_name)
         if stored is not None and not simulate:
-            _check_calibration(stored, rig_name, rig, opened, force)
+            check_calibration(stored, rig_name, rig, opened, force=force)
+            if warning := stored.age_warning():
+                click.echo(f"! {warning}", err=True)
         elif lacks_document(rig_name, rig.camera.rest_map):
             click.echo(
                 f"! {rig_name}: no {DOCUMENT} next to it: whether it fits this bench is not checked", err=True
@@ -193,20 +193,6 @@ def run_command(
             )
         recording.report(session.result.recording)
         _report(session.result, figure, summary)
-
-
-def _check_calibration(stored: Stored, rig_name: str, rig: Rig, devices: Devices, force: bool) -> None:
-    """Refuse a rig file that was calibrated on another bench; warn of an old calibration."""
-    differences = check(stored.fingerprint, rig, devices.camera, devices.display)
-    if differences and not force:
-        others = other_devices(stored.fingerprint, rig)
-        if missing := " and ".join(option for option, spec in others if spec.driver == SIMULATED):
-            raise InputError(
-                f"--rig: {rig_name}: calibrated with real devices: give {missing}, or --simulate"
-            )
-        raise InputError(f"--rig: {rig_name}: {'; '.join(differences)}: calibrate again, or give --force")
-    if warning := stored.age_warning():
-        click.echo(f"! {warning}", err=True)
 
 
 def _report(result: RunResult, figure: Path | None, summary: Path | None) -> None:

@@ -103,7 +103,7 @@ def virtual_bench_command(
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: stop.set())
         click.echo(f"monitor {found}")
-        click.echo("In another terminal start:")
+        click.echo("In another terminal start (or `calibrate` or `check`, with the same options):")
         address = f"tcp://127.0.0.1:{server.port}"
         click.echo(f"  zeromethod run --rig {rig_name} --display {monitor} --camera {address}")
         bench.run(stop, click.echo)

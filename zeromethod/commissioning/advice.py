@@ -21,6 +21,8 @@ SHARP_SCORE = 0.8
 """At 16 px per period a blur of 1.7 px."""
 UNEVEN = 0.15
 UNSEEN_SHARE = 0.05
+PART_SHARE = 0.5
+"""Share of the image that should see the LCD at least."""
 USABLE_SHARE = 0.9
 STRAY_SHARE = 0.1
 FLICKER_SHARE = 0.01
@@ -54,6 +56,11 @@ def advice(
     place = placed(report, seen, period_px)
     aimed = place is None or not any(_wrong(place, period_px))
     # geometry first: what lies elsewhere than the rig file says looks dusty, hidden or cut off
+    if report.seen_share < PART_SHARE:
+        said.append(
+            f"by the rig file only {report.seen_share:.0%} of the image sees the LCD: compare its lengths "
+            "and angles with the bench (`zeromethod design` draws it), move the camera, or take a longer lens"
+        )
     if seen is not None:
         said += _lie(seen)
     if place is not None:

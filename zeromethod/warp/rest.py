@@ -98,4 +98,10 @@ class Rest:
         whole = continued(q, *grid.mesh())
         flags = np.where(known, np.uint16(0), np.uint16(Flag.NO_RAY))
         inside = warp_flags(whole, whole, grid.period_px, display_size, spacing_px=grid.spacing_px) == 0
-        return cls(grid, whole, flags, known & inside & grid.measurable, display_size)
+        visible: Mask = known & inside & grid.measurable
+        if not visible.any():
+            raise InputError(
+                "rig: no node of the camera's view sees pixels of the LCD that are fine enough for the target "
+                "(4 in each period): display.pitch_mm, camera.focal_px, where camera and LCD stand"
+            )
+        return cls(grid, whole, flags, visible, display_size)

@@ -47,7 +47,7 @@ def left_out(pressed: tuple[Recorded, list[str]]) -> Calibration:
 
 def test_ball_is_asked_for_and_taken(pressed):
     recorded, lines = pressed
-    assert "press 1 of 1: press the ball of 800 mm radius in now, and hold still" in lines
+    assert "press 1 of 1: press the ball of 800 mm radius in now, and hold still for 0.1 s" in lines
     assert recorded.failure is None
     assert recorded.presses.pressed == ()
     assert recorded.presses.ball is not None

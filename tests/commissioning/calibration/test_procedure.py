@@ -18,9 +18,9 @@ from .planted import LATENCY_S, nominal, quarter, read_elsewhere, truth
 def test_the_person_is_asked_in_order(hand):
     asked = [line for line in hand.lines if line.startswith("press")]
     assert asked == [
-        "press 1 of 2: press 0.2 mm deep now, and hold still",
+        "press 1 of 2: press 0.2 mm deep now, and hold still for 0.1 s",
         "press 1 of 2: taken; lift",
-        "press 2 of 2: press 0.15 mm deep now, and hold still",
+        "press 2 of 2: press 0.15 mm deep now, and hold still for 0.1 s",
         "press 2 of 2: taken; lift",
     ]
     assert "do not touch" in hand.lines[0]

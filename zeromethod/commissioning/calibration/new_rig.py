@@ -9,10 +9,11 @@ from pathlib import Path
 
 from zeromethod.design import SampledView
 from zeromethod.errors import InputError
-from zeromethod.optics import check_geometry
+from zeromethod.optics import Optics, check_geometry
 from zeromethod.resources import resource
 from zeromethod.rig.load import parse_rig
 from zeromethod.rig.model import PriorSpec, Rig
+from zeromethod.warp.rest import Rest
 
 _LOOK_AT_SHARE = 0.545
 """Of the mirror's length from P0, unless it is known better."""
@@ -171,4 +172,5 @@ def rig_text(calipers: Calipers, name: str, path: Path) -> str:
     rig = parse_rig(text, path)
     check_geometry(rig)
     SampledView(rig)  # refuses a bench of which nothing is seen
+    Rest.of(rig, Optics(rig))  # or nothing that can be drawn
     return text

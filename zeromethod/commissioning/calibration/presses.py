@@ -15,7 +15,7 @@ from zeromethod.commissioning.calibration.prompts import Prompts, Silent
 from zeromethod.devices.opening import Devices
 from zeromethod.errors import MeasurementError
 from zeromethod.loop.loop import Loop
-from zeromethod.loop.state import NULLED
+from zeromethod.loop.state import NULLED, State
 from zeromethod.loop.step import Step
 from zeromethod.rig.model import Rig
 from zeromethod.warp.mean import mean_warp
@@ -63,13 +63,14 @@ class PressWarps:
 class PressesEndedError(MeasurementError):
     """Not all presses came; the message says why.
 
-    warps: what was taken before, None where not even the mirror at rest was. interrupted: by Ctrl-C.
+    warps: what was taken before, None where not even the mirror at rest was. interrupted: by Ctrl-C. failed:
+    because a device did, which says nothing about the mirror.
     """
 
-    def __init__(self, message: str, interrupted: bool = False) -> None:
+    def __init__(self, message: str, *, interrupted: bool = False, failed: bool = False) -> None:
         super().__init__(message)
         self.warps: PressWarps | None = None
-        self.interrupted = interrupted
+        self.interrupted, self.failed = interrupted, failed
 
 
 class PressWatch:
@@ -80,7 +81,7 @@ class PressWatch:
 
     def __init__(self, frames: int = DEFAULT_FRAMES) -> None:
         """frames: how many make a mean."""
-        self._frames = frames
+        self.frames = frames
         self._row: deque[Warp] = deque(maxlen=frames)
         self.phase = Phase.REST
         self.rest: Warp | None = None
@@ -95,7 +96,7 @@ class PressWatch:
         self._row.append(measured)
         match self.phase:
             case Phase.REST:
-                if len(self._row) == self._frames and self._still(0.0, None):
+                if len(self._row) == self.frames and self._still(0.0, None):
                     self.rest = mean_warp(self._row)
                     self._go(Phase.COMING)
             case Phase.COMING:
@@ -105,7 +106,7 @@ class PressWatch:
                 strength, away = self._strength(measured)
                 if strength < LIFTED_LCD_PX:
                     self._go(Phase.COMING)
-                elif len(self._row) == self._frames and self._still(strength, away):
+                elif len(self._row) == self.frames and self._still(strength, away):
                     self.pressed.append(mean_warp(self._row))
                     self._go(Phase.LIFTING)
             case Phase.LIFTING:
@@ -131,10 +132,10 @@ class PressWatch:
                 valid &= away > _PRESSED_SHARE * strength
         if not valid.any():
             return False
-        half = self._frames // 2
+        half = self.frames // 2
         q = np.stack([warp.q[valid] for warp in self._row])
         change = q[half:].mean(axis=0) - q[:half].mean(axis=0)
-        noise2 = float(np.mean([np.mean(warp.sigma[valid] ** 2) for warp in self._row])) * 4.0 / self._frames
+        noise2 = float(np.mean([np.mean(warp.sigma[valid] ** 2) for warp in self._row])) * 4.0 / self.frames
         moved = float(np.sqrt(max(np.mean(change**2) - noise2, 0.0)))
         return moved <= max(STILL_LCD_PX, STILL_SHARE * strength)
 
@@ -168,7 +169,9 @@ def record_presses(
         rest = _follow(rig, devices, asked, patience_s, prompts or Silent(), watch, on_step)
     except (KeyboardInterrupt, PressesEndedError) as error:
         ended = (
-            error if isinstance(error, PressesEndedError) else PressesEndedError("presses: interrupted", True)
+            error
+            if isinstance(error, PressesEndedError)
+            else PressesEndedError("presses: interrupted", interrupted=True)
         )
         if watch.rest is not None:
             ended.warps = PressWarps.of(watch.rest, watch.pressed, len(depths_mm))
@@ -186,7 +189,7 @@ def _follow(
     on_step: Callable[[Step], object],
 ) -> Warp:
     """Run the loop until all presses were taken; the mean warp at rest. Raises PressesEndedError."""
-    last_ns = devices.clock.now_ns()
+    last_ns, hold_s = devices.clock.now_ns(), watch.frames / rig.camera.rate_hz
     loop = Loop(
         rig,
         devices.camera,
@@ -202,24 +205,30 @@ def _follow(
     ):
         for step in steps:
             on_step(step)
-            if watch.take(step.measured if step.state in NULLED else None):
+            before = watch.phase
+            # a frame that could not be used says nothing about the mirror
+            usable = step.state is not State.HOLDING
+            if usable and watch.take(step.measured if step.state in NULLED else None):
                 last_ns = devices.clock.now_ns()
                 if watch.phase is Phase.LIFTING or (watch.phase is Phase.COMING and not watch.pressed):
                     advance()
                 if watch.phase is Phase.COMING and len(watch.pressed) == len(asked):
                     assert watch.rest is not None
                     return watch.rest
-                _ask(prompts, watch, asked)
+                _ask(prompts, watch, asked, hold_s, early=before is Phase.SETTLING)
             elif devices.clock.now_ns() - last_ns > 1e9 * patience_s:
-                raise PressesEndedError(_missing(watch, len(asked), patience_s, step))
+                failed = step.state in {State.FAULT, State.HOLDING, State.STARTING}
+                raise PressesEndedError(_missing(watch, len(asked), patience_s, step), failed=failed)
     ended = loop.ended.reason if loop.ended is not None else "it ended"
-    raise PressesEndedError(f"presses: the loop did not go on: {ended}")
+    raise PressesEndedError(f"presses: the loop did not go on: {ended}", failed=True)
 
 
-def _ask(prompts: Prompts, watch: PressWatch, asked: Sequence[str]) -> None:
+def _ask(prompts: Prompts, watch: PressWatch, asked: Sequence[str], hold_s: float, *, early: bool) -> None:
+    """Say what to do next; early: the press was lifted before it could be taken."""
     done, count = len(watch.pressed), len(asked)
     if watch.phase is Phase.COMING:
-        prompts.say(f"press {done + 1} of {count}: {asked[done]} now, and hold still")
+        when = "again, it lifted too soon" if early else "now"
+        prompts.say(f"press {done + 1} of {count}: {asked[done]} {when}, and hold still for {hold_s:.1f} s")
     elif watch.phase is Phase.LIFTING:
         prompts.say(f"press {done} of {count}: taken; lift")
 

@@ -145,7 +145,8 @@ class _Check:
             return Finding(Subject.DELAY, Fitness.UNFIT, str(error).removeprefix("delay: "))
         change_s = found.latency_s - rig.display.latency_s
         figures = {"delay_ms": 1e3 * found.latency_s, "delay_change_ms": 1e3 * change_s}
-        words = f"{1e3 * found.latency_s:.2f} ms, {1e3 * change_s:+z.2f} ms from the rig file's"
+        measured = f"{1e3 * found.latency_s:.2f} ± {1e3 * found.sigma_s:.2f} ms"
+        words = f"{measured}, {1e3 * change_s:+z.2f} ms from the rig file's"
         if abs(change_s) <= SIGMAS * found.sigma_s + LATE_REFRESHES / rig.display.refresh_hz:
             return Finding(Subject.DELAY, Fitness.GOOD, words, figures)
         words += ": readings of a mirror that moves are late or early by that: devices --delay --write"
@@ -165,7 +166,8 @@ class _Check:
                 raise KeyboardInterrupt from None
             missing = str(error).removeprefix("presses: ")
             if error.warps is None:
-                return [Finding(Subject.REST, Fitness.RECALIBRATE, missing), self._frames(frames)]
+                fitness = Fitness.UNFIT if error.failed else Fitness.RECALIBRATE
+                return [Finding(Subject.REST, fitness, missing), self._frames(frames)]
             warps = error.warps
         optics = Optics(rig)
         rest = Rest.of(rig, optics)
