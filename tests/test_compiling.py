@@ -46,7 +46,7 @@ def test_what_is_compiled_when_it_is_called_is_said_once(tmp_path: Path) -> None
 
 def test_what_is_compiled_ahead_need_not_be_when_it_is_called(tmp_path, monkeypatch):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    modules = ("zeromethod.warp.compose", "zeromethod.warp.interpolant", "zeromethod.warp.jacobian")
+    modules = ("zeromethod.warp.compose", "zeromethod.warp.interpolant")
     wanted = [one for one in kernels_of("run") if one.module in modules]
     gone = Kernel("run", "zeromethod.warp.compose", "no_more", "(float64, )")
     said: list[str] = []

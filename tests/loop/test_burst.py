@@ -3,26 +3,36 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from benchmarks.peaks import middle_of_the_view
-from benchmarks.rigs import VIEW_MIDDLE_MM, changed, opened, pressed
+from benchmarks.rigs import VIEW_MIDDLE_MM, changed, opened, pressed, small_rig
 from zeromethod import Recording, Session, State, load_rig, open_devices
+from zeromethod.loop.burst import Burst
 from zeromethod.loop.events import Event
+from zeromethod.optics import Optics
 from zeromethod.pattern.coded import PICTURES
 from zeromethod.session.replay.from_frames import replay_from_frames
 from zeromethod.session.replay.window import Window
+from zeromethod.warp.rest import Rest
 from zeromethod.warp.validity import Flag
+from zeromethod.warp.warp import Warp
 
 PRESS_S, FRAMES = 0.1, 110
 DEPTH_MM, SIZE_MM = 0.05, 1.0
 
 
+def middle_of_the_view():
+    """The packaged bench with the middle of its camera alone: the dent has room in it."""
+    camera = {"columns": 400, "rows": 320, "centre_px": (199.5, 159.5)}
+    return changed(load_rig("simulated"), camera=camera)
+
+
 def steep(**control: object):
     """A bench under a dent that folds, from `PRESS_S` on."""
-    rig = changed(middle_of_the_view(load_rig("simulated")), control=control)
+    rig = changed(middle_of_the_view(), control=control)
     path = [(PRESS_S, 0.0), (PRESS_S, DEPTH_MM), (2.0, DEPTH_MM)]
     return pressed(rig, path, SIZE_MM, (VIEW_MIDDLE_MM, 0.0))
 
@@ -73,7 +83,7 @@ def test_meanwhile_nothing_is_called_known_that_is_not(run):
 
 def test_when_the_press_lifts_what_was_read_is_over():
     path = [(PRESS_S, 0.0), (PRESS_S, DEPTH_MM), (1.7, DEPTH_MM), (1.7, 0.0)]
-    with pressed(middle_of_the_view(load_rig("simulated")), path, SIZE_MM) as rig, opened(rig) as bench:
+    with pressed(middle_of_the_view(), path, SIZE_MM) as rig, opened(rig) as bench:
         states = [step.state for step in bench.loop.run(frames=118)]
         assert bench.loop.burst_read is None
     assert State.LOCKED in states[80:102]
@@ -82,7 +92,7 @@ def test_when_the_press_lifts_what_was_read_is_over():
 
 def test_a_burst_breaks_off_where_the_mirror_moves():
     path = [(PRESS_S, 0.0), (PRESS_S, DEPTH_MM), (0.8, DEPTH_MM), (1.5, 2 * DEPTH_MM)]
-    with pressed(middle_of_the_view(load_rig("simulated")), path, SIZE_MM) as rig, opened(rig) as bench:
+    with pressed(middle_of_the_view(), path, SIZE_MM) as rig, opened(rig) as bench:
         coded = [Event.BURST in step.events for step in bench.loop.run(frames=80)]
     assert any(coded[36:46])
     assert not any(coded[70:])
@@ -105,6 +115,25 @@ def test_a_recording_of_a_burst_replays_bit_for_bit(run, file):
         warps, depths = replay_from_frames(recording, recording.rig, Window.of(recording))
     assert warps.different == depths.different == []
     assert warps.steps > 2 * PICTURES
+
+
+@pytest.mark.parametrize("bent", [False, True])
+def test_nodes_that_fail_where_the_mirror_is_flat_have_dirt_before_them_and_wait_for_no_burst(bent):
+    rig = small_rig()
+    rest = Rest.of(rig, Optics(rig))
+    burst = Burst(rest, 0.0, always=False)
+    light = SimpleNamespace(mean=np.ones(rest.flags.shape, np.float32), flags=rest.flags * 0)
+    burst.take_reference(light)
+    sigma, q = np.full_like(rest.q, 0.01), rest.q.copy()
+    rows, cols = np.mgrid[0:4, 0:4] + np.array(rest.flags.shape)[:, None, None] // 2
+    if bent:
+        q[rows, cols] += 3.0 * (cols - cols[0, 0])[..., None]
+    seen = SimpleNamespace(weights=np.ones((1, 1)), entries=np.zeros(1, np.int64))
+    for frame in range(6):
+        flags = np.zeros_like(rest.flags)
+        flags[rows[frame % 2 :: 2], cols[frame % 2 :: 2]] = Flag.UNDRAWABLE
+        burst.take(np.zeros((1, 1)), seen, light, Warp(q, sigma, flags, frame), q)
+        assert burst.unread is bent
 
 
 def test_coded_pictures_are_numbered_in_the_order_in_which_they_are_drawn(run):

@@ -7,6 +7,7 @@ import signal
 import socket
 import struct
 import time
+import urllib.request
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -37,6 +38,9 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
         "tcp://127.0.0.1:0",
     )
     with served("run", "--rig", rig, *words, cwd=folder) as one:
+        state = f"{one.base}/api/state?token={one.token}"
+        while json.loads(urllib.request.urlopen(state).read()).get("state") != "locked":
+            time.sleep(0.1)
         yield one
 
 

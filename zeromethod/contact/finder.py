@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from zeromethod.arrays import Float, Image, Single
-from zeromethod.contact import in_mm, outline, shadow
+from zeromethod.contact import flat, in_mm, outline, shadow
 from zeromethod.contact.contact import Contact, Probability
 from zeromethod.contact.deepest import deepest_of_all, with_depths
 from zeromethod.contact.in_mm import MirrorPlaces
@@ -56,7 +56,7 @@ class ContactFinder:
         self._places = MirrorPlaces(optics, grid)
         self._track = ContactTrack()
         self._grid, self._black = grid, rig.camera.noise.black_grey
-        for module in (outline, in_mm, shadow):
+        for module in (flat, outline, in_mm, shadow):
             module.compile_ahead()
 
     @property

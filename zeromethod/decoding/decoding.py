@@ -34,7 +34,7 @@ class Phasors:
     mean + cosine cos(shift) + sine sin(shift) + harmonics. mean: (sets, rows, cols) grey, sets in the
     sequence's order (repeats separate). scatter: (sampled rows, cols) variance of the noise in the rows
     `sampled`, grey^2, as a mean over `degrees` degrees of freedom: of the fit's residual or, for fewer than
-    six shifts, which would mistake harmonics for noise, of neighbouring pixels' phases (`from_neighbours`).
+    six shifts, which would mistake harmonics for noise, of neighbouring pixels' phases.
     worst_scatter: (rows, cols) variance of the fit's residual in the worst set, of `set_degrees`. moved:
     (rows, cols) largest change of a phasor between repeats, grey. saturated: (rows, cols). second_harmonic:
     its share of the fundamental, mean by the fundamental's power; NaN where not fitted.
@@ -49,7 +49,6 @@ class Phasors:
     worst_scatter: Single
     degrees: int
     set_degrees: int
-    from_neighbours: bool
     moved: Single
     saturated: Mask
     second_harmonic: float
@@ -151,7 +150,6 @@ def decode_phasors(
         sums.worst,
         degrees * sets if separable else sets,
         degrees,
-        not separable,
         sums.moved,
         sums.saturated,
         float(sums.second[0] / sums.second[1]) if sums.second[1] > 0 else float("nan"),

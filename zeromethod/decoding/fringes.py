@@ -34,7 +34,6 @@ class FringeSet:
     axis: Axis
     period: int
     repeat: int
-    first_frame: int
 
 
 @dataclass(frozen=True)
@@ -89,12 +88,10 @@ class FringeSequence:
 
     def sets(self) -> Iterator[FringeSet]:
         """Groups of frames that differ only in shift, in the order in which they are shown."""
-        first = 0
         for repeat in range(self.repeats):
             for axis in self.axes:
                 for period in range(len(self.periods[axis == "rows"])):
-                    yield FringeSet(axis, period, repeat, first)
-                    first += len(self.shifts_rad)
+                    yield FringeSet(axis, period, repeat)
 
     def pictures(self, columns: int, rows: int, contrast: float = CONTRAST) -> Iterator[Single]:
         """Light (rows, columns), 0 to 1, of every frame in order, on a panel of that size in px."""

@@ -94,11 +94,6 @@ class Table:
         """Methods by their keys."""
         return {one.key: one.name for one in self.methods if one.key}
 
-    @property
-    def help(self) -> str:
-        """Keys and what they do, in one line."""
-        return "  ".join(f"{key} {name}" for key, name in self.keys.items())
-
     def described(self) -> dict[str, Any]:
         """The table as JSON has it."""
         return {

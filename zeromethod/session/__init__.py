@@ -1,8 +1,8 @@
-"""What a person runs: the loop with its readings, figures, errors against a planted truth, and replay."""
+"""What a person runs: the loop with its readings, figures, errors against a planted truth, and replay.
 
-from zeromethod.session.result import RunResult
-from zeromethod.session.session import Session
-from zeromethod.session.summary import summarise
-from zeromethod.session.whole_run import run
+Names are loaded on first use: the processes that read surfaces need few.
+"""
 
-__all__ = ["RunResult", "Session", "run", "summarise"]
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
