@@ -35,7 +35,7 @@ from zeromethod.loop.state import NULLED, READ
 from zeromethod.loop.step import Step
 from zeromethod.publishing import Publisher
 from zeromethod.recording.recorder import Recorder
-from zeromethod.session.reading import StepReader, timed, warm_up_warp
+from zeromethod.session.reading import StepReader, warm_up_warp
 from zeromethod.session.surfaces import Surfaces
 from zeromethod.thread_limits import limit_threads
 from zeromethod.warp.warp import Role, Warp
@@ -156,7 +156,9 @@ class Running:
             if (process_id := surfaces.process_id) is not None:
                 self._processes["process: surfaces"] = process_id
             contacts = ContactFinder(rig, prepared.optics, loop.grid)
-            self._reading = StepReader(_reading(surfaces, contacts), publisher, live=True)
+            self._reading = StepReader(
+                _reading(surfaces, contacts), publisher, live=True, begin=_beginning(surfaces, prepared)
+            )
             self._stack.callback(self._reading.close)
         if variant.records:
             folder = self._stack.enter_context(TemporaryDirectory(prefix="zeromethod-live-cost-"))
@@ -241,15 +243,25 @@ class Running:
         return found[LEFT_OUT:]
 
 
+def _beginning(surfaces: Surfaces, prepared: Prepared) -> Callable[[Step], None]:
+    def begin(step: Step) -> None:
+        assert step.measured is not None
+        assert step.shown is not None
+        assert step.frame_number is not None
+        warp = prepared.with_residual(step.measured, step.shown, step.frame_number)
+        surfaces.begin(step.number, warp)
+
+    return begin
+
+
 def _reading(surfaces: Surfaces, contacts: ContactFinder) -> Callable[[Step], Step]:
     """Reads surface and contacts, as a session does."""
 
     def read(step: Step) -> Step:
-        measured, image, residual = step.measured, step.image, step.residual
-        assert measured is not None
+        image, residual = step.image, step.residual
         assert image is not None
         assert residual is not None
-        surface, deepest, read_ms = timed(lambda: surfaces.read(measured))
+        surface, deepest, read_ms = surfaces.finish(step.number)
         touched = contacts.follow(image, residual, surface, nulled=step.state in READ)
         surface, deepest, touched = contacts.carry(surface, deepest, touched)
         touched = contacts.with_images(image, residual, surface, touched)

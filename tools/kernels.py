@@ -17,6 +17,7 @@ from typing import Any
 
 COMMANDS = {
     "run": ("run", "run --strips --seconds 0.6 --scenario ball"),
+    "fine": ("run --fine --seconds 0.9 --scenario none",),
     "calibrate": (
         "calibrate fringes --panel 320 200 --periods 16,20,22,25 --shifts 6 --output fringes",
         "calibrate decode fringes/*.png --panel 320 200 --periods 16,20,22,25 --shifts 6 --output rest.npz",
@@ -82,5 +83,8 @@ if __name__ == "__main__":
     if len(sys.argv) > 1:
         run_all(sys.argv[1])
     else:
-        rows = [f"{command} {' '.join(one[1:])}\n" for command in COMMANDS for one in found(command)]
+        of = {command: found(command) for command in COMMANDS}
+        known = {tuple(one[1:]) for one in of["run"]}
+        of["fine"] = [one for one in of["fine"] if tuple(one[1:]) not in known]
+        rows = [f"{command} {' '.join(one[1:])}\n" for command in COMMANDS for one in of[command]]
         (ROOT / "zeromethod" / "kernels.txt").write_text("".join(rows), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Objects sent between two processes by turns: their arrays by way of shared memory, the rest by pipes.
+"""Objects sent between two processes: their arrays by way of shared memory, the rest by pipes.
 
 The arrays of a surface take 2 MB: through a pipe they cost either side twice the time.
 """
@@ -29,26 +29,30 @@ def shared_memory(name: str, size: int) -> int:
 
 
 class ArrayExchange:
-    """One side of the exchange, with memory for the arrays of one message at a time.
+    """One side of the exchange, with memory for the arrays of one message in each of its parts.
 
     What is received is a copy: the answer may take the same place. Arrays that find no room go through the
     pipe.
     """
 
-    def __init__(self, handle: int) -> None:
-        """handle: from `shared_memory`, closed by whoever made it."""
+    def __init__(self, handle: int, parts: int = 1) -> None:
+        """handle: from `shared_memory`, closed by whoever made it. parts: of the memory, all equal."""
         self._memory = mmap.mmap(-1, 1) if handle == NONE else mmap.mmap(handle, 0)
+        self._part = len(self._memory) // parts // _ALIGNED * _ALIGNED or len(self._memory)
 
-    def send(self, value: object, stream: IO[bytes]) -> None:
-        """Send an object. Raises OSError, or ValueError for a closed stream, where nobody receives."""
+    def send(self, value: object, stream: IO[bytes], part: int = 0) -> None:
+        """Send an object by a part of the memory that no message under way takes.
+
+        Raises OSError, or ValueError for a closed stream, where nobody receives.
+        """
         places: list[slice] = []
-        free = 0
+        free, end = part * self._part, min((part + 1) * self._part, len(self._memory))
 
         def finds_no_room(buffer: pickle.PickleBuffer) -> bool:
             nonlocal free
             raw = buffer.raw()
             place = slice(free, free + raw.nbytes)
-            if place.stop > len(self._memory):
+            if place.stop > end:
                 return True
             self._memory[place] = raw
             places.append(place)
@@ -62,4 +66,5 @@ class ArrayExchange:
     def receive(self, stream: IO[bytes]) -> Any:
         """Receive an object. Raises EOFError where nobody sends any more, and what `pickle.load` does."""
         pickled, places = pickle.load(stream)
-        return pickle.loads(pickled, buffers=[bytearray(self._memory[place]) for place in places])
+        with memoryview(self._memory) as memory:
+            return pickle.loads(pickled, buffers=[bytearray(memory[place]) for place in places])

@@ -8,7 +8,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, wait
 from contextlib import AbstractContextManager, ExitStack
 from typing import Generic, TypeVar
@@ -62,6 +62,15 @@ class Worker(Generic[Request, Answer]):
         """How long the present request has been served, s; 0 for none."""
         began_s = self._began_s
         return 0.0 if began_s is None else time.monotonic() - began_s
+
+    @property
+    def first_waiting(self) -> list[Request]:
+        """The request that is served after the present one; empty where none waits.
+
+        Of several places, posting more changes only the last.
+        """
+        with self._changed:
+            return self._waiting[:1]
 
     def opened(self, timeout_s: float) -> bool:
         """Whether the context was entered within that time; else the worker is closed.
@@ -156,6 +165,7 @@ class SameThread(Generic[Request, Answer]):
     """A `Worker` without a thread: each request is served where it is posted, and errors are raised there."""
 
     busy_s = 0.0
+    first_waiting: Sequence[Request] = ()
 
     def __init__(self, serving: Serving[Request, Answer]) -> None:
         self._stack = ExitStack()

@@ -135,6 +135,14 @@ def test_the_dark_slope_beside_a_white_object_is_its_shadow(bench):
     assert region.scattered > 0.2
 
 
+def test_a_contact_hardly_wider_than_a_flat_place_is_found(bench):
+    bench.learn()
+    (region,) = bench.regions(bench.frame(disc(7.0)))
+    outline = refined(first_outline(region.mask), region.columns, region.model)
+    # a border off by 0.3 px, as those of larger discs are at most
+    assert signed_area(outline.points_px) == pytest.approx(np.pi * 7**2, rel=0.09)
+
+
 def test_two_objects_are_two_regions_each_with_its_light(bench):
     bench.learn()
     image = bench.frame(disc(20.0, 90.0), 8.0).astype(int)

@@ -66,7 +66,8 @@ def running(*names: str) -> list[str]:
 
 def test_a_slow_reading_loses_no_step_until_as_many_wait_as_may():
     reader, published = Reader(), Published()
-    reading = StepReader(reader, published, live=True)
+    begun: list[int] = []
+    reading = StepReader(reader, published, live=True, begin=lambda step: begun.append(step.number))
     reading.post(Turn(0))  # type: ignore[arg-type]
     eventually(lambda: reader.begun == [0])
     last = WAITING_STEPS + 3
@@ -78,7 +79,7 @@ def test_a_slow_reading_loses_no_step_until_as_many_wait_as_may():
     reading.close()
     # in the last place the newest measured one, then the newest without: what has gone wrong since
     assert published.numbers == [*range(WAITING_STEPS), last - 1, last + 1]
-    assert reader.begun == [number for number in published.numbers[:-1] if number != 2]
+    assert reader.begun == begun == [number for number in published.numbers[:-1] if number != 2]
     assert published.steps[-1].surface is None
     eventually(lambda: not running("read surface"))
 

@@ -47,13 +47,18 @@ def own_process(bench):
         process.close()
 
 
-def test_the_same_warps_give_the_same_surfaces_bit_for_bit(bench, warp):
-    """In turn: each starts from the one before, and a reader's weights remember all of them."""
+@pytest.mark.parametrize("ahead", [False, True], ids=["in turn", "sent ahead"])
+def test_the_same_warps_give_the_same_surfaces_bit_for_bit(bench, warp, ahead):
+    """Each starts from the one before, and a reader's weights remember all of them."""
     lost = replace(warp, flags=warp.flags.copy())
     lost.flags[20:24, 20:24] = 1
     here = SurfaceReader(bench.rig, bench.optics, bench.grid)
     with own_process(bench) as process:
-        for one in (warp, lost, warp):
+        if ahead:
+            process.begin(warp)
+        for one, following in ((warp, lost), (lost, warp), (warp, lost)):
+            if ahead:
+                process.begin(following)
             there, there_peak = process.read(one)
             surface = here.follow(one)
             assert there_peak == peak(surface)

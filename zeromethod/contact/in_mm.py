@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numba
@@ -110,14 +111,11 @@ class MirrorPlaces:
     def _force(centre: Float, area_mm2: float, surface: Surface) -> _Force | None:
         """The far field of the contact; None where too little of it was read, or it does not press."""
         size = float(np.sqrt(area_mm2 / np.pi))
-        few = slice(None, None, 2), slice(None, None, 2)
-        away = np.hypot(surface.x_mm[few] - centre[0], surface.y_mm[few] - centre[1])
-        ring = surface.valid[few] & (away > 1.3 * size + 0.5) & (away < 6 * size + _RING_MM)
-        if np.count_nonzero(ring) < _FEWEST:
-            return None
-        terms = np.stack((1 / away[ring], np.ones(np.count_nonzero(ring))), axis=-1)
-        at_1_mm, depth = np.linalg.lstsq(terms, surface.depth_mm[few][ring], rcond=None)[0]
-        return _Force(float(at_1_mm), float(depth)) if at_1_mm > 0 else None
+        read = surface.x_mm, surface.y_mm, surface.depth_mm
+        x, y, depth = (np.ascontiguousarray(one, np.float64) for one in read)
+        ring = 1.3 * size + 0.5, 6 * size + _RING_MM
+        count, at_1_mm, far_mm = _far_field(x, y, depth, np.ascontiguousarray(surface.valid), centre, *ring)
+        return _Force(at_1_mm, far_mm) if count >= _FEWEST and at_1_mm > 0 else None
 
     def _depth(self, at_mm: Float, points_px: Float, surface: Surface) -> Float:
         """Depth next to a hole: the nearest node's, continued by its slope; 0 where none was read."""
@@ -156,6 +154,25 @@ def _between(values: Float, at: Float) -> Float:
 
 
 @numba.njit(cache=True, nogil=True)
+def _far_field(
+    x: Float, y: Float, depth: Float, valid: Mask, centre: Float, inner: float, outer: float
+) -> tuple[int, float, float]:
+    """(nodes, a, b) of the best depth = a / distance + b over every other node of a ring."""
+    n, s1, s2, d0, d1 = 0, 0.0, 0.0, 0.0, 0.0
+    for row in range(0, x.shape[0], 2):
+        for col in range(0, x.shape[1], 2):
+            away = math.hypot(x[row, col] - centre[0], y[row, col] - centre[1])
+            if valid[row, col] and inner < away < outer:
+                n, s1, s2 = n + 1, s1 + 1 / away, s2 + 1 / away**2
+                d0, d1 = d0 + depth[row, col], d1 + depth[row, col] / away
+    spread = n * s2 - s1 * s1
+    if not spread > 0:
+        return 0, 0.0, 0.0
+    slope = (n * d1 - s1 * d0) / spread
+    return n, slope, (d0 - slope * s1) / n
+
+
+@numba.njit(cache=True, nogil=True)
 def _nearest(at: Float, x: Float, y: Float, depth: Float, slope: Float, near: Mask) -> Float:
     """Depth (n,) at places (n, 2) as the nearest of nodes (rows, cols) continues it by its slope."""
     result = np.zeros(len(at))
@@ -176,4 +193,6 @@ def compile_ahead() -> None:
     """Have the compiled functions ready before the first contact."""
     node, place = np.zeros((2, 2)), np.zeros((1, 2))
     _between(np.zeros((2, 2, 1)), place)
-    _nearest(place, node, node, node, np.zeros((2, 2, 2)), np.zeros((2, 2), np.bool_))
+    none = np.zeros((2, 2), np.bool_)
+    _nearest(place, node, node, node, np.zeros((2, 2, 2)), none)
+    _far_field(node, node, node, none, np.zeros(2), 1.0, 2.0)

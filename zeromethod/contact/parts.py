@@ -13,6 +13,8 @@ import cv2
 import numpy as np
 
 from zeromethod.arrays import Mask, Single
+from zeromethod.contact.median import median
+from zeromethod.contact.pieces import pieces
 
 _LEAST_SHARE = 0.2
 """Share of the pixels over a period's square that have the level, within noise; in a picture some 0.1 do."""
@@ -52,16 +54,14 @@ def narrow_parts(
     counts = np.bincount(np.maximum((values + 0.05) / noise, 0).astype(np.intp))
     near = np.convolve(counts, np.ones(round(2 * _NOISES)), "same")
     middle = (int(np.argmax(near)) + 0.5) * noise - 0.05
-    level = float(np.median(values[np.abs(values - middle) < _NOISES * noise]))
+    near_level = values[np.abs(values - middle) < _NOISES * noise]
+    level = median(near_level)
     alike = dark & (np.abs(light - level) < _NOISES * noise)
     side = period_px, period_px
     share = cv2.boxFilter(alike.astype(np.float32), -1, side)
     darker = cv2.boxFilter((light < level - _NOISES * noise).astype(np.float32), -1, side)
-    common = ((share > _LEAST_SHARE) & (darker < _MOST_DARKER * share) & lost).astype(np.uint8)
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(common, connectivity=4)
-    large = stats[:, cv2.CC_STAT_AREA] >= period_px**2
-    large[0] = False
-    where = large[labels]
+    labels, sizes = pieces((share > _LEAST_SHARE) & (darker < _MOST_DARKER * share) & lost)
+    where = (sizes >= period_px**2)[labels]
     return Parts(where, level) if np.count_nonzero(where & other) >= period_px**2 else None
 
 

@@ -9,9 +9,11 @@ import cv2
 import numpy as np
 
 from zeromethod.arrays import Bytes, Image, Mask, Single
-from zeromethod.contact.flat import local_deviation
+from zeromethod.contact.flat import flat_places
 from zeromethod.contact.likelihood import UNKNOWN, GreyModel, grey_model
+from zeromethod.contact.median import median
 from zeromethod.contact.parts import MOST_FILLED, Parts, closed_over, narrow_parts
+from zeromethod.contact.pieces import pieces
 from zeromethod.contact.rest import RestPicture
 from zeromethod.rig.model import Rig
 from zeromethod.sensing.residual import Residual
@@ -22,8 +24,9 @@ LOST_SHARE = 0.6
 DARKER_SHARE = 0.6
 """Share of the picture's mean light below which flat light may be an object's. A white one scatters 0.3 of
 it; a picture that is lost in a fold, or finer than the LCD, keeps the mean."""
-SEED_PX = 40
-"""Flat pixels in one piece from which on a region is looked at."""
+SEED_PX = 6
+"""Flat pixels in one piece from which on a region is looked at. All 7 x 7 px around each are of one level, so
+that a contact of 9 px across has them."""
 _NOISES = 2.0
 """Deviation, in those of the camera, up to which a place counts as flat."""
 _SHADOW_SHARE = 0.03
@@ -101,11 +104,16 @@ class RegionFinder:
 
     def _boxes(self, lost: Mask) -> Iterator[tuple[int, int, int, int]]:
         """(left, top, right, bottom) px around groups of nodes, three half periods wider."""
-        wide = cv2.dilate(lost.astype(np.uint8), np.ones((5, 5), np.uint8))
+        row, col = (int(np.flatnonzero(lost.any(axis=axis))[0]) for axis in (1, 0))
+        last_row, last_col = (int(np.flatnonzero(lost.any(axis=axis))[-1]) for axis in (1, 0))
+        row, col = max(row - 2, 0), max(col - 2, 0)
+        wide = cv2.dilate(
+            lost[row : last_row + 3, col : last_col + 3].view(np.uint8), np.ones((5, 5), np.uint8)
+        )
         count, _, stats, _ = cv2.connectedComponentsWithStats(wide, connectivity=8)
         rows, cols = self._grid.image_shape
         spacing = self._grid.spacing_px
-        u, v = self._grid.u_px, self._grid.v_px
+        u, v = self._grid.u_px[col:], self._grid.v_px[row:]
         for left, top, width, height, _ in stats[1:count]:
             first = max(int(u[left]) - spacing, 0), max(int(v[top]) - spacing, 0)
             last = int(u[left + width - 1]) + spacing, int(v[top + height - 1]) + spacing
@@ -120,14 +128,12 @@ class RegionFinder:
         place = slice(top, bottom), slice(left, right)
         picture = image[place].astype(np.float32) - np.float32(self._black)
         mean = rest.mean[place] * np.float32(drift)
-        local, deviation = local_deviation(picture)
-        allowed = _NOISES * np.sqrt(self.noise[0] + self.noise[1] * np.maximum(local, 0))
-        flat = (deviation < allowed) & (local < DARKER_SHARE * mean) & ~rest.static[place]
-        count, labels, stats, _ = cv2.connectedComponentsWithStats(flat.astype(np.uint8), connectivity=4)
+        clean = ~rest.static[place]
+        flat = clean & flat_places(picture, DARKER_SHARE * mean, self.noise, _NOISES)
+        labels, sizes = pieces(flat)
         taken = np.zeros(flat.shape, np.bool_)
         found: list[Region] = []
-        sizes = stats[1:count, cv2.CC_STAT_AREA]
-        for k in np.argsort(-sizes)[: np.count_nonzero(sizes >= SEED_PX)] + 1:
+        for k in np.argsort(-sizes)[: np.count_nonzero(sizes >= SEED_PX)]:
             seed = labels == k
             if taken[seed].any():
                 continue
@@ -136,9 +142,9 @@ class RegionFinder:
                 taken |= region.mask
                 found.append(region)
         light = picture / mean
-        middle = float(np.median(mean[::4, ::4]))
+        middle = median(mean[::4, ::4])
         noise = float(np.sqrt(self.noise[0] + self.noise[1] * 0.3 * middle)) / middle
-        dark = self._pixels(lost, box) & ~rest.static[place]
+        dark = self._pixels(lost, box) & clean
         parts = narrow_parts(light, noise, dark, self._grid.period_px, taken)
         if parts is not None:
             wide = self._of_parts(parts, picture, mean, rest, (left, top))
@@ -155,13 +161,13 @@ class RegionFinder:
                 (left, right, self._grid.u_px[0], nodes.shape[1]),
             )
         ]
-        return np.asarray(nodes[np.ix_(*near)])
+        return np.asarray(nodes[near[0]][:, near[1]])
 
     def _of_parts(
         self, parts: Parts, picture: Single, mean: Single, rest: RestPicture, corner: tuple[int, int]
     ) -> list[Region]:
         """The regions of narrow parts, the gaps between them taken in."""
-        mirrored = float(np.median(mean[parts.where]))
+        mirrored = median(mean[parts.where])
         model = self._model(parts.light * mirrored, mirrored, rest)
         columns = model.index(picture * (mirrored / mean))
         evidence = cv2.boxFilter(model.evidence[columns], -1, (_SMOOTH_PARTS_PX, _SMOOTH_PARTS_PX))
@@ -170,9 +176,10 @@ class RegionFinder:
         side = 2 * self._grid.period_px + 1
         near = cv2.dilate(parts.where.astype(np.uint8), np.ones((side, side), np.uint8))
         probability[near == 0] = 0
-        likely = (probability > 0.5).astype(np.uint8)
-        _, pieces, sizes, _ = cv2.connectedComponentsWithStats(likely, connectivity=8)
-        probability[(sizes[:, cv2.CC_STAT_AREA] < _LEAST_PART_PX)[pieces]] = 0
+        labels, sizes = pieces(probability > 0.5, connectivity=8)
+        small = sizes < _LEAST_PART_PX
+        small[0] = False
+        probability[small[labels]] = 0
         closed = closed_over(probability > 0.5, self._grid.period_px).astype(np.uint8)
         # dark fringes that happen to join on are narrow
         whole = cv2.morphologyEx(closed, cv2.MORPH_OPEN, np.ones((_LEAST_WIDE_PX, _LEAST_WIDE_PX), np.uint8))
@@ -191,7 +198,7 @@ class RegionFinder:
         """The region about a flat seed."""
         left, top = corner
         dirt = rest.static[top : top + seed.shape[0], left : left + seed.shape[1]]
-        scattered, mirrored = float(np.median(picture[seed])), float(np.median(mean[seed]))
+        scattered, mirrored = median(picture[seed]), median(mean[seed])
         model = self._model(scattered, mirrored, rest)
         grey = picture * (mirrored / mean)
         columns = model.index(grey)
@@ -217,11 +224,11 @@ class RegionFinder:
         alike = mask & (np.abs(cv2.boxFilter(grey, -1, (3, 3)) - scattered) < _ALIKE_NOISES * noise)
         whole = cv2.morphologyEx(alike.astype(np.uint8), cv2.MORPH_OPEN, _disc(_WIDE_PX))
         near = np.asarray(cv2.dilate(whole, _disc(_NEAR_PX)), np.uint8)
-        count, labels, stats, _ = cv2.connectedComponentsWithStats(mask * near, connectivity=4)
-        if count < 2:
+        labels, sizes = pieces(mask & (near > 0))
+        if len(sizes) < 2:
             return mask
-        largest = int(np.argmax(stats[1:, cv2.CC_STAT_AREA])) + 1
-        enough = stats[largest, cv2.CC_STAT_AREA] > _LEAST_WHOLE * np.count_nonzero(mask)
+        largest = int(np.argmax(sizes))
+        enough = sizes[largest] > _LEAST_WHOLE * np.count_nonzero(mask)
         return np.asarray(labels == largest) if enough else mask
 
     def _model(self, scattered: float, mirrored: float, rest: RestPicture) -> GreyModel:

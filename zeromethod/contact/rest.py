@@ -12,6 +12,7 @@ import numpy as np
 
 from zeromethod.arrays import Float, Image, Mask, Single
 from zeromethod.contact.flat import local_deviation
+from zeromethod.contact.median import median
 from zeromethod.rig.model import Rig
 from zeromethod.sensing.residual import Residual
 from zeromethod.warp.grid import NodeGrid
@@ -106,7 +107,7 @@ class RestPicture:
         both = (residual.flags[few] == 0) & (light > 0)
         if not both.any():
             return 1.0
-        return float(np.median((residual.mean[few][both] - self._black) / light[both]))
+        return median((residual.mean[few][both] - self._black) / light[both])
 
 
 def _unlike(picture: Single, mean: Single, period_px: int) -> Mask:

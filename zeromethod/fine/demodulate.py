@@ -108,24 +108,26 @@ def _fit(
     per_rad: float,
     noise: tuple[float, float, float],
     level: float,
+    corner: tuple[int, int],
     d: Single,
     variance: Single,
     modulation: Single,
     mean: Single,
     misfit: Single,
 ) -> None:
-    count, rows, cols = images.shape
-    period = table.shape[0]
+    count, (rows, cols) = images.shape[0], mean.shape
+    period, (top, left) = table.shape[0], corner
     still, per_grey, black = noise
     sums, squares = np.empty((5, cols), np.float32), np.empty(cols, np.float32)
     zero = np.float32(level)
     for j in range(rows):
+        row = top + j
         sums[:] = np.float32(0.0)
         squares[:] = np.float32(0.0)
         for t in range(count):
-            line = images[t, j]
-            w0, w1, w2 = solution[j, 0, t], solution[j, 1, t], solution[j, 2, t]
-            w3, w4 = solution[j, 3, t], solution[j, 4, t]
+            line = images[t, row, left : left + cols]
+            w0, w1, w2 = solution[row, 0, t], solution[row, 1, t], solution[row, 2, t]
+            w3, w4 = solution[row, 3, t], solution[row, 4, t]
             for i in range(cols):
                 grey = np.float32(line[i]) - zero
                 sums[0, i] += w0 * grey
@@ -136,22 +138,28 @@ def _fit(
                 squares[i] += grey * grey
         for i in range(cols):
             mean[j, i] = sums[0, i] + zero
-            misfit[j, i] = (squares[i] - _quadratic(normal[j], sums, i)) / (count - 5)
+            misfit[j, i] = (squares[i] - _quadratic(normal[row], sums, i)) / (count - 5)
             grey2 = still + per_grey * max(mean[j, i] - black, 0.0)
             for axis in range(2):
-                at = (j if axis else i) % period
+                at = (row if axis else left + i) % period
                 c, s = sums[1 + 2 * axis, i], sums[2 + 2 * axis, i]
                 re, im = c * table[at, 0] + s * table[at, 1], s * table[at, 0] - c * table[at, 1]
                 length2 = c * c + s * s
                 m = 1 + 2 * axis
-                across = s * s * covariance[j, m, m] + c * c * covariance[j, m + 1, m + 1]
-                across -= 2.0 * s * c * covariance[j, m, m + 1]
+                across = s * s * covariance[row, m, m] + c * c * covariance[row, m + 1, m + 1]
+                across -= 2.0 * s * c * covariance[row, m, m + 1]
                 d[j, i, axis] = per_rad * math.atan2(im, re)
                 variance[j, i, axis] = grey2 * per_rad * per_rad * across / (length2 * length2)
                 modulation[j, i, axis] = math.sqrt(length2)
 
 
-def demodulate(images: Image, design: Design, period_px: int, noise: Noise) -> Demodulated:
+def demodulate(
+    images: Image,
+    design: Design,
+    period_px: int,
+    noise: Noise,
+    box: tuple[slice, slice] = (slice(0, None), slice(0, None)),
+) -> Demodulated:
     """Displacement of every pixel from N frames.
 
     Parameters
@@ -164,13 +172,16 @@ def demodulate(images: Image, design: Design, period_px: int, noise: Noise) -> D
         Of the target's carriers along u and v, camera px.
     noise : Noise
         Of the camera.
+    box : (slice, slice)
+        Rows and columns of the image to be read.
 
     Returns
     -------
     Demodulated
+        Of the box.
         Convention: observed(u, v) = target((u, v) + d).
     """
-    shape = images.shape[1:]
+    shape = images[0, box[0], box[1]].shape
     turns = 2 * np.pi * np.arange(period_px) / period_px
     table = np.stack([np.cos(turns), np.sin(turns)], axis=-1)
     per_grey = 0.0 if noise.electrons_per_grey is None else 1.0 / noise.electrons_per_grey
@@ -181,9 +192,37 @@ def demodulate(images: Image, design: Design, period_px: int, noise: Noise) -> D
     _fit(
         images, design.solution.astype(np.float32), design.covariance, normal, table,
         period_px / (2 * np.pi), scales, float(images[:, ::64, ::64].mean()),
+        (box[0].start, box[1].start),
         out.d, out.variance, out.modulation, out.mean, out.misfit,
     )  # fmt: skip
     return out
+
+
+@numba.njit(cache=True)
+def _usable(
+    d: Single,
+    variance: Single,
+    modulation: Single,
+    mean: Single,
+    ceiling: float,
+    visibility: float,
+    variance_px2: float,
+    seen: Mask,
+) -> None:
+    rows, cols = mean.shape
+    for j in range(rows):
+        for i in range(cols):
+            weakest = min(modulation[j, i, 0], modulation[j, i, 1])
+            good = weakest > visibility * mean[j, i]
+            good &= max(variance[j, i, 0], variance[j, i, 1]) < variance_px2
+            seen[j, i] = good and mean[j, i] + modulation[j, i, 0] + modulation[j, i, 1] < ceiling
+    for j in range(rows):
+        for i in range(cols):
+            for k in range(2):
+                if i + 1 < cols and abs(d[j, i + 1, k] - d[j, i, k]) > _TORN_PX:
+                    seen[j, i] = seen[j, i + 1] = False
+                if j + 1 < rows and abs(d[j + 1, i, k] - d[j, i, k]) > _TORN_PX:
+                    seen[j, i] = seen[j + 1, i] = False
 
 
 def usable_pixels(found: Demodulated, ceiling: int, least_visibility: float, most_sigma_px: float) -> Mask:
@@ -191,17 +230,10 @@ def usable_pixels(found: Demodulated, ceiling: int, least_visibility: float, mos
 
     Pixels that are overexposed in a frame do not count either.
     """
-    weakest = found.modulation.min(axis=-1)
-    noisy = found.variance.max(axis=-1)
-    seen = (weakest > least_visibility * found.mean) & (noisy < most_sigma_px**2)
-    seen &= found.mean + found.modulation.sum(axis=-1) < ceiling
-    for axis in (0, 1):
-        torn = (np.abs(np.diff(found.d, axis=axis)) > _TORN_PX).any(axis=-1)
-        before, after = [slice(None), slice(None)], [slice(None), slice(None)]
-        before[axis], after[axis] = slice(None, -1), slice(1, None)
-        seen[tuple(before)] &= ~torn
-        seen[tuple(after)] &= ~torn
-    return np.asarray(seen)
+    seen = np.empty(found.mean.shape, np.bool_)
+    fields = found.d, found.variance, found.modulation, found.mean
+    _usable(*fields, float(ceiling), least_visibility, most_sigma_px**2, seen)
+    return seen
 
 
 def stood(found: Demodulated) -> Mask:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from scipy.fft import dctn, idctn
+from scipy.fft import dctn, idctn, next_fast_len
 from scipy.special import j1
 
 from zeromethod.arrays import Float, Mask, Single
@@ -54,10 +54,12 @@ class Footprint:
         across, down = (np.hypot(shift[..., i, 0], shift[..., i, 1]) for i in (0, 1))
         ends = [(float(one.min()), max(float(one.max()), float(one.min()) + 1e-6)) for one in (across, down)]
         parts = [(one - low) / (high - low) for one, (low, high) in zip((across, down), ends, strict=True)]
+        self._fast = tuple(next_fast_len(n, real=True) for n in lattice.shape)
+        fast_down, fast_across = (np.pi * np.arange(n) / n for n in self._fast)
         self._mixes: list[tuple[Single, Single]] = []
         for i, a in enumerate(ends[0]):
             for j, b in enumerate(ends[1]):
-                inverse = self._inverse(a, b, k_across, k_down)
+                inverse = self._inverse(a, b, fast_across, fast_down)
                 mix = (parts[0] if i else 1.0 - parts[0]) * (parts[1] if j else 1.0 - parts[1])
                 self._mixes.append((inverse.astype(np.float32), mix.astype(np.float32)))
         middle = tuple(n // 2 for n in lattice.shape)
@@ -76,8 +78,14 @@ class Footprint:
 
     def divided(self, depth_mm: Float) -> Float:
         """Depth (rows, cols), finite, divided by the footprint."""
-        waves = dctn(depth_mm.astype(np.float32), norm="ortho")
-        out = np.zeros(depth_mm.shape)
+        rows, cols = depth_mm.shape
+        more = self._fast[0] - rows, self._fast[1] - cols
+        # mirrored at the border, as the transform itself has it
+        whole = cv2.copyMakeBorder(
+            depth_mm.astype(np.float32), 0, more[0], 0, more[1], borderType=cv2.BORDER_REFLECT
+        )
+        waves = dctn(np.asarray(whole), norm="ortho", overwrite_x=True)
+        out = np.zeros((rows, cols), np.float32)
         for inverse, mix in self._mixes:
-            out += mix * idctn(waves * inverse, norm="ortho", overwrite_x=True)
-        return out
+            out += mix * idctn(waves * inverse, norm="ortho", overwrite_x=True)[:rows, :cols]
+        return out.astype(np.float64)

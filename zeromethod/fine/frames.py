@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from zeromethod.arrays import Float, Image
 from zeromethod.warp.grid import PADDING, NodeGrid
+from zeromethod.warp.jacobian import jacobian
 from zeromethod.warp.warp import Warp
 
 
@@ -49,13 +51,46 @@ class FineFrame:
     measured: Warp
     d: Float
 
-    def steps(self, grid: NodeGrid) -> Steps:
-        """Phases by image row: the means over each row's nodes, linear between rows of nodes."""
-        v, inner = np.arange(grid.image_shape[0], dtype=np.float64), grid.inner[1]
-        fields = self.node_rad, self.node_contrast, self.node_late_rad_per_s
-        means = (one[:, inner].mean(axis=1) for one in fields)
-        return Steps(*(np.stack([np.interp(v, grid.v_px, m[:, k]) for k in (0, 1)], axis=-1) for m in means))
 
-    def off_row_rad(self) -> Float:
-        """(node rows, node cols, 2) by which a node's phase differs from its row's in `steps`."""
-        return np.asarray(self.node_rad - self.node_rad[:, PADDING:-PADDING].mean(axis=1, keepdims=True))
+@dataclass(frozen=True, slots=True)
+class FrameSequence:
+    """Frames seen against the mean of the warps that were lit in them.
+
+    A frame's own warp differs from the mean by what the loop has followed, noise and lateness among it. The
+    mean over each row of that is a phase like the target's own, and is added to it: else it would pass for
+    lateness.
+
+    steps: of every frame. shown: (rows, cols, 2) mean of the shown warps, LCD px. bending: (rows, cols, 2, 2)
+    its Jacobian. apart: (N, rows, cols, 2) camera px, what a node's displacement differs by beyond its row's.
+    """
+
+    steps: list[Steps]
+    shown: Float
+    bending: Float
+    apart: Float
+
+    @classmethod
+    def of(cls, frames: Iterable[FineFrame], grid: NodeGrid) -> FrameSequence:
+        """Of frames with nodes on a grid."""
+        frames = list(frames)
+        v, inner = np.arange(grid.image_shape[0], dtype=np.float64), slice(PADDING, -PADDING)
+        each = np.stack([frame.shown for frame in frames])
+        shown = each.mean(axis=0)
+        bending = jacobian(shown, grid.spacing_px)
+        rad_per_px = 2 * np.pi / grid.period_px
+        moved = matvec(np.asarray(np.linalg.inv(bending), np.float64), shown - each)
+        rad = np.stack([frame.node_rad for frame in frames]) + rad_per_px * moved
+        of_row = rad[:, :, inner].mean(axis=2)
+        steps = []
+        for frame, mean in zip(frames, of_row, strict=True):
+            others = (one[:, inner].mean(axis=1) for one in (frame.node_contrast, frame.node_late_rad_per_s))
+            fields = ([np.interp(v, grid.v_px, m[:, k]) for k in (0, 1)] for m in (mean, *others))
+            steps.append(Steps(*(np.stack(one, axis=-1) for one in fields)))
+        return cls(steps, shown, bending, (rad - of_row[:, :, None]) / rad_per_px)
+
+
+def matvec(matrix: Float, vector: Float) -> Float:
+    """Product (..., 2) of matrices (..., 2, 2) and vectors (..., 2)."""
+    x, y = vector[..., 0], vector[..., 1]
+    rows = (matrix[..., k, 0] * x + matrix[..., k, 1] * y for k in (0, 1))
+    return np.stack(list(rows), axis=-1)

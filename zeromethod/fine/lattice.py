@@ -1,43 +1,90 @@
 """From the measurable nodes to every pixel between them, and back to the nodes by the sensing window.
 
-Both are products with a matrix along each axis: Keys' cubic convolution between nodes, as the picture is
-drawn, with its missing neighbours beyond the border on the parabola through the last three; and the triangle
-window over which a node's residual is averaged.
+Both go along each axis in turn: Keys' cubic convolution between nodes, as the picture is drawn, with its
+missing neighbours beyond the border on the parabola through the last three; and the triangle window over
+which a node's residual is averaged.
 """
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
+import numba
 import numpy as np
 
-from zeromethod.arrays import Float, Mask, Single
+from zeromethod.arrays import Float, Ints, Mask, Single
 from zeromethod.sensing.window import triangle
 from zeromethod.warp.grid import PADDING, NodeGrid
 from zeromethod.warp.interpolant import keys_weights
 
 
-def _interpolation(pixels: int, spacing: int, nodes: int) -> Float:
-    """(pixels, nodes): values at pixels 0, 1, ... from those of nodes 0, spacing, ..."""
-    out = np.zeros((pixels, nodes + 2))
-    for k in range(pixels):
-        first = min(k // spacing, nodes - 2)
-        out[k, first : first + 4] = keys_weights(k / spacing - first)
-    for ghost, near in ((0, (1, 2, 3)), (-1, (-2, -3, -4))):
-        for index, factor in zip(near, (3.0, -3.0, 1.0), strict=True):
-            out[:, index] += factor * out[:, ghost]
-    return out[:, 1:-1]
+class Between(NamedTuple):
+    """Keys' weights (pixels, 4) along one axis: of pixel k, of the nodes from first[k] on, a ghost ahead."""
+
+    first: Ints
+    weights: Float
+
+    @classmethod
+    def of(cls, pixels: int, spacing: int, nodes: int) -> Between:
+        """For pixels 0, 1, ... and nodes at 0, spacing, ..."""
+        at = np.arange(pixels)
+        first = np.minimum(at // spacing, nodes - 2)
+        return cls(first, np.array([keys_weights(k / spacing - i) for k, i in zip(at, first, strict=True)]))
 
 
-def _windows(pixels: int, period: int, spacing: int, nodes: int) -> Float:
-    """(nodes, pixels) triangle windows of +-(period - 1) px around nodes at pixels 0, spacing, ...
-
-    Parts of a window beyond the pixels are left out.
-    """
-    weights, out = triangle(period), np.zeros((nodes, pixels))
-    for node in range(nodes):
-        for weight, at in zip(weights, node * spacing + np.arange(1 - period, period), strict=True):
-            if 0 <= at < pixels:
-                out[node, at] = weight
+def with_ghosts(nodes: Float) -> Float:
+    """Planes (k, rows + 2, cols + 2) with a neighbour more on every side, on the last three's parabola."""
+    out = np.pad(nodes, ((0, 0), (1, 1), (1, 1)))
+    out[:, 0] = 3.0 * (out[:, 1] - out[:, 2]) + out[:, 3]
+    out[:, -1] = 3.0 * (out[:, -2] - out[:, -3]) + out[:, -4]
+    out[..., 0] = 3.0 * (out[..., 1] - out[..., 2]) + out[..., 3]
+    out[..., -1] = 3.0 * (out[..., -2] - out[..., -3]) + out[..., -4]
     return out
+
+
+@numba.njit(cache=True)
+def _to_pixels(
+    nodes: Any, row_first: Any, row_weights: Any, col_first: Any, col_weights: Any, out: Any
+) -> None:
+    """Planes with ghosts (k, rows, cols) at the pixels (k, rows, cols)."""
+    line = np.empty(nodes.shape[2])
+    for k in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            first = row_first[j]
+            for i in range(len(line)):
+                value = 0.0
+                for m in range(4):
+                    value += row_weights[j, m] * nodes[k, first + m, i]
+                line[i] = value
+            for i in range(out.shape[2]):
+                at = col_first[i]
+                value = 0.0
+                for m in range(4):
+                    value += col_weights[i, m] * line[at + m]
+                out[k, j, i] = value
+
+
+@numba.njit(cache=True, fastmath={"contract", "reassoc"})
+def _window_sums(values: Any, used: Any, triangle: Any, spacing: int, out: Any) -> None:
+    """Sums (node rows, node cols, k + 1) over windows of used pixels' values (rows, cols, k), and of 1."""
+    rows, cols, count = values.shape
+    reach = len(triangle) // 2
+    line = np.empty((cols, count + 1), np.float32)
+    for j in range(out.shape[0]):
+        line[:] = np.float32(0.0)
+        for row in range(max(j * spacing - reach, 0), min(j * spacing + reach + 1, rows)):
+            weight = triangle[row - j * spacing + reach]
+            for col in range(cols):
+                if used[row, col]:
+                    for k in range(count):
+                        line[col, k] += weight * values[row, col, k]
+                    line[col, count] += weight
+        for i in range(out.shape[1]):
+            out[j, i] = 0.0
+            for col in range(max(i * spacing - reach, 0), min(i * spacing + reach + 1, cols)):
+                weight = triangle[col - i * spacing + reach]
+                for k in range(count + 1):
+                    out[j, i, k] += weight * line[col, k]
 
 
 def pixel_box(grid: NodeGrid) -> tuple[slice, slice]:
@@ -58,32 +105,35 @@ class PixelLattice:
         rows, cols = grid.shape
         self.nodes = rows - 2 * PADDING, cols - 2 * PADDING
         self.shape = tuple(part.stop - part.start for part in self.box)
-        spacing, period = grid.spacing_px, grid.period_px
-        counts = tuple(zip(self.shape, self.nodes, strict=True))
-        self._down, self._across = (_interpolation(n, spacing, m) for n, m in counts)
-        self._single = self._down.astype(np.float32), self._across.T.astype(np.float32)
-        self._windows = tuple(_windows(n, period, spacing, m).astype(np.float32) for n, m in counts)
+        counts = zip(self.shape, self.nodes, strict=True)
+        self.down, self.across = (Between.of(n, grid.spacing_px, m) for n, m in counts)
+        """Weights of nodes at pixels along both axes."""
+        self._triangle = triangle(grid.period_px).astype(np.float32)
 
     def to_pixels(self, nodes: Float) -> Single:
         """(..., rows, cols) of pixels from finite values (..., node rows, node cols), in single precision."""
-        down, across = self._single
-        return np.asarray(np.matmul(down, np.matmul(nodes.astype(np.float32), across)))
+        return np.asarray(self._between(nodes, np.float32))
 
     def to_pixels_exact(self, nodes: Float) -> Float:
         """As `to_pixels`, in double precision."""
-        return np.asarray(np.matmul(self._down, np.matmul(nodes, self._across.T)))
+        return np.asarray(self._between(nodes, np.float64))
+
+    def _between(self, nodes: Float, kind: type) -> Any:
+        planes = with_ghosts(np.asarray(nodes, np.float64).reshape(-1, *self.nodes))
+        out = np.empty((len(planes), *self.shape), kind)
+        _to_pixels(planes, *self.down, *self.across, out)
+        return out.reshape(nodes.shape[:-2] + self.shape)
 
     def window_means(self, values: Single, used: Mask) -> tuple[Float, Float]:
         """Means (node rows, node cols, k) over the sensing window of used pixels, and their share of it.
 
         values: (rows, cols, k); used: (rows, cols). NaN where the share is 0.
         """
-        down, across = self._windows
-        share = down @ used.astype(np.float32) @ across.T
-        masked = np.where(used[..., None], values, np.float32(0.0))
-        sums = np.stack([down @ masked[..., k] @ across.T for k in range(values.shape[-1])], axis=-1)
+        sums = np.empty((*self.nodes, values.shape[-1] + 1))
+        _window_sums(values, used, self._triangle, self.grid.spacing_px, sums)
+        share = sums[..., -1]
         with np.errstate(invalid="ignore", divide="ignore"):
-            return (sums / share[..., None]).astype(np.float64), share.astype(np.float64)
+            return sums[..., :-1] / share[..., None], share
 
     def enclosed(self, nodes: Mask) -> Mask:
         """(rows, cols) of pixels whose four nodes around are all true."""

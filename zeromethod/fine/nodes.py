@@ -10,11 +10,10 @@ import numpy as np
 from zeromethod.arrays import Float, Mask
 from zeromethod.fine.blend import blend, blended_variance, fine_share
 from zeromethod.fine.demodulate import Demodulated, Design, stood
-from zeromethod.fine.frames import FineFrame
+from zeromethod.fine.frames import FineFrame, FrameSequence, matvec
 from zeromethod.fine.lattice import PixelLattice
 from zeromethod.sensing.window import triangle
 from zeromethod.warp.compose import compose
-from zeromethod.warp.jacobian import jacobian
 from zeromethod.warp.validity import Flag
 from zeromethod.warp.warp import Role, Warp
 
@@ -49,6 +48,7 @@ class NodeWindows:
 def read_nodes(
     lattice: PixelLattice,
     frames: Sequence[FineFrame],
+    sequence: FrameSequence,
     design: Design,
     late_s: Float,
     pixels: Demodulated,
@@ -56,25 +56,21 @@ def read_nodes(
 ) -> NodeWindows:
     """Blend of the newest frame's nodes with the window means of the fit of all frames.
 
-    design: of the frames, whose pictures came late by late_s (N,). pixels: their fit between the nodes, of
-    which `usable` (rows, cols) are.
+    sequence, design: of the frames, whose pictures came late by late_s (N,). pixels: their fit between the
+    nodes, of which `usable` (rows, cols) are.
     """
     grid, newest = lattice.grid, frames[-1].measured
     per_rad = grid.period_px / (2 * np.pi)
-    each = np.stack([frame.shown for frame in frames])
-    shown = np.tensordot(design.weights.mean(axis=0), each, axes=1)
-    bending = jacobian(shown, grid.spacing_px)
+    shown, bending = sequence.shown, sequence.bending
     # what the fit took for the mean: displacements against each frame's own warp and phases
-    apart = _matvec(np.asarray(np.linalg.inv(bending), np.float64), shown - each)
-    apart += per_rad * np.stack([frame.off_row_rad() for frame in frames])
-    excess = np.einsum("kt,trck->rck", design.weights, apart)
+    excess = np.einsum("kt,trck->rck", design.weights, sequence.apart)
     added = [frame.measured.q - compose(frame.shown, frame.d, grid.spacing_px) for frame in frames]
     added_mean = np.nan_to_num(np.mean(added, axis=0))
     means, part = lattice.window_means(pixels.d, usable)
     inner_d = np.where((part > _LEAST_WINDOW)[..., None], means - excess[grid.inner], np.nan)
     fine = compose(shown, grid.padded(inner_d, np.nan), grid.spacing_px) + added_mean
     late_px = per_rad * np.stack([x * one.node_late_rad_per_s for x, one in zip(late_s, frames, strict=True)])
-    coarse = np.stack([frame.measured.q for frame in frames]) - _matvec(bending, late_px)
+    coarse = np.stack([frame.measured.q for frame in frames]) - matvec(bending, late_px)
     valid = np.logical_and.reduce([frame.measured.valid for frame in frames])
     share = fine_share(coarse, np.stack([frame.measured.sigma for frame in frames]), valid)
     share[~np.isfinite(fine).all(axis=-1)] = 0.0
@@ -86,13 +82,13 @@ def read_nodes(
     gain = float((triangle(grid.period_px) ** 2).sum()) ** 2
     with np.errstate(invalid="ignore", divide="ignore"):
         window2 = grid.padded(gain * variance / part[..., None], np.nan)
-    fine2 = _matvec(bending * bending, window2)
+    fine2 = matvec(bending * bending, window2)
     q = blend(coarse[-1], fine, share)
     sigma = np.sqrt(blended_variance(newest.sigma**2, fine2, share, len(frames)))
     flags = np.where(by_pixels, np.uint16(0), newest.flags)
     sigma = np.where(by_pixels[..., None], np.sqrt(np.maximum(fine2, 0.0)), sigma)
     warp = Warp(np.where(by_pixels[..., None], fine, q), sigma, flags, newest.time_ns, Role.MEASURED)
-    offset = added_mean - _matvec(bending, excess)
+    offset = added_mean - matvec(bending, excess)
     return NodeWindows(warp, shown, offset, np.where(np.isfinite(fine), fine, q), share, bending)
 
 
@@ -100,8 +96,3 @@ def _standing(lattice: PixelLattice, pixels: Demodulated, usable: Mask) -> Mask:
     """(inner rows, inner cols) nodes in whose window nearly all pixels' frames agree with each other."""
     still, _ = lattice.window_means(stood(pixels)[..., None].astype(np.float32), usable)
     return np.asarray(still[..., 0] > _WHOLE_WINDOW)
-
-
-def _matvec(matrix: Float, vector: Float) -> Float:
-    """Product (..., 2) of matrices (..., 2, 2) and vectors (..., 2)."""
-    return np.asarray((matrix @ vector[..., None])[..., 0])

@@ -10,8 +10,8 @@ from zeromethod.arrays import Float, Image, Mask, Single
 from zeromethod.fine.demodulate import Demodulated, Design, demodulate, usable_pixels
 from zeromethod.fine.detail import pixel_detail
 from zeromethod.fine.footprint import Footprint
-from zeromethod.fine.frames import FineFrame
-from zeromethod.fine.integrate import PixelIntegrator, largest_part, step_weights
+from zeromethod.fine.frames import FineFrame, FrameSequence
+from zeromethod.fine.integrate import PixelIntegrator, gradient, largest_part, step_weights
 from zeromethod.fine.lateness import lateness
 from zeromethod.fine.lattice import PixelLattice
 from zeromethod.fine.nodes import NodeWindows, read_nodes
@@ -91,14 +91,15 @@ class FineReader:
             Where the target's phases in these frames do not determine a pixel's displacement.
         """
         images = np.stack([frame.image for frame in frames])
-        steps = [frame.steps(self._grid) for frame in frames]
+        sequence = FrameSequence.of(frames, self._grid)
+        steps = sequence.steps
         late_s = lateness(images, steps, Design.of(steps), self._noise_grey(images))
         design = Design.of(steps, late_s)
         pixels = self._demodulated(images, design)
         limits = Limits()
         ceiling = 2**self._camera.bits - 1
         usable = usable_pixels(pixels, ceiling, limits.visibility, _MOST_SIGMA_PX)
-        nodes = read_nodes(self._lattice, frames, design, late_s, pixels, usable)
+        nodes = read_nodes(self._lattice, frames, sequence, design, late_s, pixels, usable)
         return self._read_pixels(nodes, pixels, usable, len(frames))
 
     def _noise_grey(self, images: Image) -> float:
@@ -109,12 +110,7 @@ class FineReader:
 
     def _demodulated(self, images: Image, design: Design) -> Demodulated:
         """Pixels between the nodes."""
-        found = demodulate(images, design, self._grid.period_px, self._camera.noise)
-        fields = found.d, found.variance, found.modulation, found.mean, found.misfit
-        d, variance, modulation, mean, misfit = (
-            np.ascontiguousarray(one[self._lattice.box]) for one in fields
-        )
-        return Demodulated(d, variance, modulation, mean, misfit)
+        return demodulate(images, design, self._grid.period_px, self._camera.noise, self._lattice.box)
 
     def _read_pixels(self, nodes: NodeWindows, pixels: Demodulated, usable: Mask, count: int) -> FineSurface:
         lattice, inner = self._lattice, self._grid.inner
@@ -128,7 +124,7 @@ class FineReader:
         footprint = self._footprint
         d = pixels.d if footprint is None else footprint.sharpened(pixels.d, usable)
         detail = pixel_detail(nodes.shown, d, level, PADDING, self._grid.spacing_px)
-        seen = usable & np.isfinite(detail).all(axis=-1)
+        seen = usable & np.isfinite(detail[..., 0] + detail[..., 1])
         # what moves may blur within the frames: there the nodes are read all the same
         valid = lattice.enclosed(surface.valid[inner]) & (seen | (share < _LEAST_SHARE))
         detail *= share[..., None]
@@ -136,9 +132,8 @@ class FineReader:
         variance = np.where(seen[..., None], pixels.variance, np.float32(_MOST_SIGMA_PX**2))
         lever, by_slope, turned = lever_planes(self._lever, coarse_depth, coarse_slope)
         jacobian = np.moveaxis(nodes.bending[inner].reshape(*lattice.nodes, 4), -1, 0)
-        planes = Planes(*(lattice.to_pixels(one) for one in (turned, lever, by_slope, jacobian)))
-        start = lattice.to_pixels(np.moveaxis(coarse_slope, -1, 0))
-        slope, slope2 = pixel_slopes(detail, planes, variance, start)
+        planes = Planes(turned, lever, by_slope, jacobian, np.moveaxis(coarse_slope, -1, 0))
+        slope, slope2 = pixel_slopes(lattice, detail, planes, variance)
         valid = largest_part(valid & np.isfinite(slope[0] + slope2[0] + slope2[1]))
         x, y = lattice.to_pixels_exact(np.stack([surface.x_mm[inner], surface.y_mm[inner]]))
         level_mm = lattice.to_pixels_exact(coarse_depth)
@@ -148,7 +143,7 @@ class FineReader:
         depth = level_mm + scale * error
         if footprint is not None and footprint.divides:
             before, depth = depth, footprint.divided(depth)
-            slope = slope + _gradient(depth - before, x, y)
+            slope = slope + gradient(depth - before, x, y)
         sigma_slope2 = share**2 * slope2 + (1 - share) ** 2 * self._window_slope2(surface)
         sigma2 = self._depth_variance(surface, x, y, slope2, share, valid)
 
@@ -214,13 +209,6 @@ def _continued(surface: Surface, inner: tuple[slice, slice]) -> tuple[Float, Flo
     known = np.isfinite(depth)
     pair = continue_smoothly(np.stack([depth, depth], axis=-1), known)
     return continue_smoothly(slope, known), pair[..., 0]
-
-
-def _gradient(depth_mm: Float, x: Float, y: Float) -> Single:
-    """Slope (2, rows, cols) of a depth at points x, y."""
-    (xv, xu), (yv, yu), (dv, du) = (np.gradient(one) for one in (x, y, depth_mm))
-    area = xu * yv - xv * yu
-    return np.stack([(yv * du - yu * dv) / area, (xu * dv - xv * du) / area]).astype(np.float32)
 
 
 def _mean(values: Float, among: Mask, otherwise: Mask) -> float:

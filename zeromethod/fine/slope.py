@@ -13,45 +13,61 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from zeromethod.arrays import Float, Single
+from zeromethod.arrays import Float, Ints, Single
+from zeromethod.fine.lattice import PixelLattice, with_ghosts
 from zeromethod.surface.lever import Lever
 
 _PASSES = 3
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc"})
 def _solve(
+    nodes: Single,
+    row_first: Ints,
+    row_weights: Float,
+    col_first: Ints,
+    col_weights: Float,
     detail: Single,
-    away: Single,
-    lever: Single,
-    by_slope: Single,
-    jacobian: Single,
     variance: Single,
     slope: Single,
     slope2: Single,
 ) -> None:
-    rows, cols = away.shape[1], away.shape[2]
+    """Planes of the nodes (rows + 2, cols + 2, k), interpolated row by row, and slopes of the pixels."""
+    rows, cols = detail.shape[0], detail.shape[1]
+    planes = nodes.shape[2]
+    line, at = np.empty((nodes.shape[1], planes), np.float32), np.empty(planes, np.float32)
     for j in range(rows):
+        first = row_first[j]
+        for i in range(nodes.shape[1]):
+            for k in range(planes):
+                line[i, k] = np.float32(0.0)
+            for m in range(4):
+                weight = np.float32(row_weights[j, m])
+                for k in range(planes):
+                    line[i, k] += weight * nodes[first + m, i, k]
         for i in range(cols):
-            x, y = detail[j, i, 0] + away[0, j, i], detail[j, i, 1] + away[1, j, i]
-            sx, sy = slope[0, j, i], slope[1, j, i]
-            a = b = c = e = area = 0.0
+            for k in range(planes):
+                at[k] = np.float32(0.0)
+            for m in range(4):
+                weight = np.float32(col_weights[i, m])
+                for k in range(planes):
+                    at[k] += weight * line[col_first[i] + m, k]
+            x, y = detail[j, i, 0] + at[0], detail[j, i, 1] + at[1]
+            sx, sy = at[18], at[19]
+            a = b = c = e = area = np.float32(0.0)
             for _ in range(_PASSES):
-                ha = 0.5 * (by_slope[0, j, i] * sx + by_slope[4, j, i] * sy)
-                hb = 0.5 * (by_slope[1, j, i] * sx + by_slope[5, j, i] * sy)
-                hc = 0.5 * (by_slope[2, j, i] * sx + by_slope[6, j, i] * sy)
-                he = 0.5 * (by_slope[3, j, i] * sx + by_slope[7, j, i] * sy)
-                a, b, c, e = (
-                    lever[0, j, i] + ha,
-                    lever[1, j, i] + hb,
-                    lever[2, j, i] + hc,
-                    lever[3, j, i] + he,
+                ha, hb, hc, he = (
+                    np.float32(0.5) * (at[6] * sx + at[10] * sy),
+                    np.float32(0.5) * (at[7] * sx + at[11] * sy),
+                    np.float32(0.5) * (at[8] * sx + at[12] * sy),
+                    np.float32(0.5) * (at[9] * sx + at[13] * sy),
                 )
-                area = a * e - b * c
-                sx, sy = (e * x - b * y) / area, (a * y - c * x) / area
+                a, b, c, e = at[2] + ha, at[3] + hb, at[4] + hc, at[5] + he
+                area = np.float32(1.0) / (a * e - b * c)
+                sx, sy = (e * x - b * y) * area, (a * y - c * x) * area
             slope[0, j, i], slope[1, j, i] = sx, sy
-            xu, xv, yu, yv = jacobian[0, j, i], jacobian[1, j, i], jacobian[2, j, i], jacobian[3, j, i]
-            u2, v2 = variance[j, i, 0] / (area * area), variance[j, i, 1] / (area * area)
+            xu, xv, yu, yv = at[14], at[15], at[16], at[17]
+            u2, v2 = variance[j, i, 0] * (area * area), variance[j, i, 1] * (area * area)
             slope2[0, j, i] = (e * xu - b * yu) ** 2 * u2 + (e * xv - b * yv) ** 2 * v2
             slope2[1, j, i] = (a * yu - c * xu) ** 2 * u2 + (a * yv - c * xv) ** 2 * v2
 
@@ -70,24 +86,30 @@ def lever_planes(lever: Lever, depth_mm: Float, slope: Float) -> tuple[Float, Fl
 
 
 class Planes(NamedTuple):
-    """The nodes' rays, interpolated to pixels (rows, cols).
+    """The nodes' rays.
 
     away: (2, rows, cols) LCD px, the nodes' position less R. lever (4, ...), by_slope (8, ...): of
-    `lever_planes`. jacobian: (4, rows, cols) of the warp, LCD px per camera px.
+    `lever_planes`. jacobian: (4, rows, cols) of the warp, LCD px per camera px. start: (2, rows, cols) slope
+    to begin with.
     """
 
-    away: Single
-    lever: Single
-    by_slope: Single
-    jacobian: Single
+    away: Float
+    lever: Float
+    by_slope: Float
+    jacobian: Float
+    start: Float
 
 
-def pixel_slopes(detail: Single, planes: Planes, variance: Single, start: Single) -> tuple[Single, Single]:
+def pixel_slopes(
+    lattice: PixelLattice, detail: Single, planes: Planes, variance: Single
+) -> tuple[Single, Single]:
     """Slope and its variance, (2, rows, cols), rad and rad^2.
 
     detail: (rows, cols, 2) LCD px beyond the nodes' interpolated position. variance: (rows, cols, 2) of the
-    displacement, px^2. start: (2, rows, cols) slope to begin with.
+    displacement, px^2.
     """
-    slope, slope2 = start.copy(), np.empty_like(start)
-    _solve(detail, *planes, variance, slope, slope2)
+    nodes = np.moveaxis(with_ghosts(np.concatenate(planes)), 0, -1)
+    slope, slope2 = (np.empty((2, *lattice.shape), np.float32) for _ in range(2))
+    weights = *lattice.down, *lattice.across
+    _solve(np.ascontiguousarray(nodes, np.float32), *weights, detail, variance, slope, slope2)
     return slope, slope2

@@ -17,6 +17,7 @@ import numpy as np
 from zeromethod.arrays import Bytes, Flags, Float, Image, Mask, Single
 from zeromethod.decoding.burst import RADIUS_PX, moves, node_places, pixel_places
 from zeromethod.exposure.pairing import Observation
+from zeromethod.loop.flat_nodes import flat_nodes
 from zeromethod.pattern.coded import MOST_PARTS, PICTURES, SHIFTS, Coded
 from zeromethod.sensing.residual import Residual
 from zeromethod.warp.rest import Rest
@@ -43,6 +44,9 @@ is over; and time after which it is read again: a picture that follows it may hi
 
 CARRIED = 3.0
 """What the nodes inside may have moved by over what those around have."""
+
+DIRTY_FRAMES = 4
+"""Frames in which a node failed where the mirror is flat after which it is never one to be read."""
 
 LIT_SHARE = 0.3
 """Mean light over that at rest from which a node sees the LCD at all."""
@@ -173,6 +177,7 @@ class Burst:
         self._failing: Bytes = np.zeros(rest.q.shape[:2], np.uint8)
         self._light: Single | None = None
         self._blank: Mask = np.zeros_like(rest.visible)
+        self._dirty: Bytes = np.zeros(rest.q.shape[:2], np.uint8)
         self._quiet = 0
         self._running: _Running | None = None
         self._blinding: _Running | None = None
@@ -196,6 +201,7 @@ class Burst:
         """Take the light at rest from a residual, and which nodes fail even then."""
         self._light = residual.mean.copy()
         self._blank = residual.flags != 0
+        self._dirty[:] = 0
 
     def presented(self, time_ns: int, coded: int | None) -> None:
         """Note the number of the coded picture presented at a time, None for none."""
@@ -235,6 +241,12 @@ class Burst:
     def _needed(self, residual: Residual, measured: Warp, thought: Float) -> bool:
         """Begin a burst where one is needed, and may be."""
         failing = self._fail(residual, measured.flags)
+        if failing is not None:
+            remembered = failing | (self._failing > 0)
+            dirty = failing & flat_nodes(remembered, measured, self._rest.q, REACH_NODES)
+            failing &= ~dirty
+            self._dirty += dirty
+            self._blank |= self._dirty >= DIRTY_FRAMES
         if failing is None:
             self._quiet, self.unread = min(self._quiet, 0), False
             return False

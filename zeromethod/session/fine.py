@@ -42,6 +42,7 @@ _FOLLOWED = NULLED | {State.NULLING}
 def with_moving_target(rig: Rig) -> Rig:
     """The rig with a target that moves, as fine surfaces need it. Raises InputError for one that cannot.
 
+    Codes are summed as light in time (`target.carry`): what rounding leaves out would be seen.
     Without bursts when needed: the target stands while they are drawn, and pixels read most of what they
     would.
     """
@@ -50,6 +51,7 @@ def with_moving_target(rig: Rig) -> Rig:
     target, control = rig.target, rig.control
     if not target.step:
         target = target.model_copy(update={"step": STEP})
+    target = target.model_copy(update={"carry": True})
     if control.burst == "when-needed":
         control = control.model_copy(update={"burst": "never"})
     return rig.model_copy(update={"target": target, "control": control})

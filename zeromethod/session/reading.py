@@ -45,9 +45,16 @@ class StepReader:
         publisher: StepPublisher | None,
         live: bool,
         now_ns: Callable[[], int] | None = None,
+        begin: Callable[[Step], None] | None = None,
     ) -> None:
-        """Begin. now_ns: the clock of the steps, by which surfaces are late; None: not to be known."""
+        """Begin. now_ns: the clock of the steps, by which surfaces are late; None: not to be known.
+
+        begin: is given each measured step in its turn, once, before it is read; the next one, too, if it
+        waits already.
+        """
         self._read = read
+        self._begin = begin
+        self._begun: set[int] = set()
         self._publisher = publisher
         self._now_ns = now_ns
         self._until_s = float("inf")
@@ -78,8 +85,9 @@ class StepReader:
         readings = []
         for step in sorted(steps.values(), key=lambda step: step.number):
             if step.measured is not None:
-                if time.monotonic() > self._until_s:
+                if time.monotonic() > self._until_s and step.number not in self._begun:
                     continue
+                self._begin_with_next(step)
                 step = self._read(step)  # noqa: PLW2901 - the same step, with its surface
             if self._publisher is not None:
                 self._publisher.publish(step)
@@ -88,6 +96,17 @@ class StepReader:
                     step = replace(step, latency_ms=1e-6 * (self._now_ns() - step.time_ns))  # noqa: PLW2901
                 readings.append(step)
         return readings
+
+    def _begin_with_next(self, step: Step) -> None:
+        """Begin a step, if it was not, and the one after it, if that waits."""
+        if self._begin is None:
+            return
+        waiting = [one[True] for one in self._worker.first_waiting if True in one]
+        for one in (step, *waiting):
+            if one.number not in self._begun:
+                self._begun.add(one.number)
+                self._begin(one)
+        self._begun.remove(step.number)
 
 
 def timed(read: Callable[[], tuple[Surface, Peak]]) -> tuple[Surface, Peak, float]:

@@ -30,7 +30,7 @@ from zeromethod.rig.model import Rig
 from zeromethod.session.delay_note import DelayNote
 from zeromethod.session.fine import FineReadings, with_moving_target
 from zeromethod.session.outputs import Record, StepPublisher, publishing
-from zeromethod.session.reading import StepReader, rms_nm, timed, warm_up_warp, with_reading
+from zeromethod.session.reading import StepReader, rms_nm, warm_up_warp, with_reading
 from zeromethod.session.result import RunResult
 from zeromethod.session.run_recording import RunRecording
 from zeromethod.session.summary import Figures, summarise
@@ -97,15 +97,14 @@ class Session:
             self._devices = devices or stack.enter_context(open_devices(self.rig))
             self.rig, doubt = with_stated_geometry(self.rig, self._devices.camera)
             self._optics = Optics(self.rig)
-            opened, reopen = self._devices, self._devices.reopen_camera
-            parts = opened.camera, opened.display, opened.clock
+            opened = self._devices
+            parts, reopen = (opened.camera, opened.display, opened.clock), opened.reopen_camera
             self.loop = Loop(self.rig, *parts, reopen_camera=reopen, optics=self._optics)
             self.loop.doubt = doubt
             stack.callback(self.loop.close)
             self._grid: NodeGrid = self.loop.grid
             self._truth: TruthSource | None = truth_of(self._devices.camera)
-            usable = usable_nodes(self._optics, self._grid, AT_REST)[self._grid.inner]
-            share = float(np.mean(usable))
+            share = float(np.mean(usable_nodes(self._optics, self._grid, AT_REST)[self._grid.inner]))
             self.result = RunResult(self.rig, self.loop.gl_renderer, share, self.loop.rest, self._truth)
             self.recording = RunRecording(record, self.rig, self.loop, fine)
             stack.callback(self._end_recording)
@@ -226,7 +225,7 @@ class Session:
             self._reads_apart = True
         with ExitStack() as stack:
             now_ns = self._devices.clock.now_ns if self.loop.live else None
-            reading = StepReader(self._read, self._publisher, self.loop.live, now_ns)
+            reading = StepReader(self._read, self._publisher, self.loop.live, now_ns, self._begin)
             stack.callback(self._collect, reading)
             stack.callback(reading.close)
             stack.callback(self._post_end, reading)
@@ -288,12 +287,14 @@ class Session:
         self.recording.close()
         self.result.recording, self.result.recording_lost = self.recording.trouble
 
+    def _begin(self, step: Step) -> None:
+        """Take dirt off one step's warp, and begin to read it."""
+        assert step.measured is not None
+        self._surfaces.begin(step.number, self._uneven.levelled(step.measured, step.state, step.zero))
+
     def _read(self, step: Step) -> Step:
         """Read one step; in real time in a thread of its own."""
-        measured = step.measured
-        assert measured is not None
-        levelled = self._uneven.levelled(measured, step.state, step.zero)
-        surface, deepest, read_ms = timed(lambda: self._surfaces.read(levelled))
+        surface, deepest, read_ms = self._surfaces.finish(step.number)
         contacts = self._touching(step, surface)
         surface, deepest, contacts = self._contacts.carry(surface, deepest, contacts)
         if step.image is not None and step.residual is not None and Event.BURST not in step.events:

@@ -12,6 +12,7 @@ import sys
 import threading
 import time
 import traceback
+from collections import deque
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -27,6 +28,9 @@ from zeromethod.warp.warp import Warp
 
 _BYTES_PER_NODE = 400
 """Shared memory: twice what the arrays of two surfaces take, as parts cut off are one of their own."""
+
+_PARTS = 4
+"""Parts of it: for two requests under way, and for their answers."""
 
 PATIENCE_S = 5.0
 """How long a reading may take before its process is given up; it takes some 20 ms."""
@@ -50,9 +54,13 @@ class SurfaceProcess:
         self._patience_s = patience_s
         self._turn = threading.Lock()
         self._asked_s: float | None = None
+        self._under_way: deque[tuple[int, object]] = deque()
         self._why = ""
-        memory = shared_memory("zeromethod surfaces", size or _BYTES_PER_NODE * math.prod(grid.shape))
-        self._exchange = ArrayExchange(memory)
+        size = _PARTS * (size or _BYTES_PER_NODE * math.prod(grid.shape))
+        memory = shared_memory("zeromethod surfaces", size)
+        self._exchange = ArrayExchange(memory, _PARTS)
+        # else two processes might wait for each other's pipe to be read
+        self._goes_ahead = memory != NONE
         pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
         handles = () if memory == NONE else (memory,)
         try:
@@ -77,6 +85,16 @@ class SurfaceProcess:
         surface, deepest = self.ask(warp)
         return surface, deepest
 
+    def begin(self, request: object) -> None:
+        """Send a request ahead: it is `ask`ed next, or after the one that was begun before it.
+
+        So the process need not wait while the answer before is being dealt with.
+        """
+        with self._turn:
+            if self._goes_ahead and len(self._under_way) < 2:
+                with contextlib.suppress(OSError, ValueError):  # `ask` says why
+                    self._send(request)
+
     def ask(self, request: object) -> Any:
         """Answer of the process to a request; raises as `read`."""
         with self._turn:
@@ -89,14 +107,27 @@ class SurfaceProcess:
             raise answer
         return answer
 
-    def _ask(self, request: object) -> Any:
-        given, answers = self._process.stdin, self._process.stdout
+    def _send(self, request: object) -> None:
+        given = self._process.stdin
         assert given is not None
+        part = 1 - self._under_way[-1][0] if self._under_way else 0
+        self._exchange.send((self._setting, part, request), given, part)
+        self._setting = None
+        self._under_way.append((part, request))
+
+    def _ask(self, request: object) -> Any:
+        answers = self._process.stdout
         assert answers is not None
         try:
-            self._exchange.send((self._setting, request), given)
-            self._setting = None
-            return self._exchange.receive(answers)
+            if all(one is not request for _, one in self._under_way):
+                while len(self._under_way) > 1:  # given up by whoever began it
+                    self._exchange.receive(answers)
+                    self._under_way.popleft()
+                self._send(request)
+            while True:
+                answer = self._exchange.receive(answers)
+                if self._under_way.popleft()[1] is request:
+                    return answer
         except (EOFError, OSError, ValueError, pickle.UnpicklingError):
             raise ReadingLost(self._why or self._end()) from None
 
@@ -132,6 +163,8 @@ class Surfaces:
         self._rig, self._grid = rig, grid
         self._own = SurfaceReader(rig, optics, grid)
         self._process: SurfaceProcess | None = None
+        self._begun: dict[int, tuple[Warp, float]] = {}
+        self._free_s = 0.0
         self._ended = False
         self._note = ""
 
@@ -160,6 +193,19 @@ class Surfaces:
     def process_id(self) -> int | None:
         """Of the process that reads, as the system numbers it; None where this one does."""
         return None if self._process is None else self._process.process_id
+
+    def begin(self, number: int, warp: Warp) -> None:
+        """Take the warp of a step; a process that reads begins with it. See `SurfaceProcess.begin`."""
+        self._begun[number] = warp, time.perf_counter()
+        if self._process is not None:
+            self._process.begin(warp)
+
+    def finish(self, number: int) -> tuple[Surface, Peak, float]:
+        """As `read`, of a step that was begun, and how long the reading took, ms."""
+        warp, began_s = self._begun.pop(number)
+        surface, deepest = self.read(warp)
+        since_s, self._free_s = max(began_s, self._free_s), time.perf_counter()
+        return surface, deepest, 1e3 * (self._free_s - since_s)
 
     def read(self, warp: Warp) -> tuple[Surface, Peak]:
         """Surface of a measured warp, and its peak; as `SurfaceReader.follow`."""
@@ -206,7 +252,7 @@ def _serve(exchange: ArrayExchange, reads: Callable[[Rig, NodeGrid], Callable[[A
         read: Callable[[Any], object] | None = None
         setting: Any = None
         while True:
-            first, request = exchange.receive(requests)
+            first, part, request = exchange.receive(requests)
             setting = first or setting
             answer: object
             try:
@@ -215,7 +261,7 @@ def _serve(exchange: ArrayExchange, reads: Callable[[Rig, NodeGrid], Callable[[A
             except Exception as error:
                 error.add_note(f"In the process that reads surfaces: {traceback.format_exc()}")
                 answer = error
-            exchange.send(answer, answers)
+            exchange.send(answer, answers, 2 + part)
             lower_priority()  # not before the first one: the run waits for it
 
 
@@ -234,6 +280,6 @@ def serve(reads: Callable[[Rig, NodeGrid], Callable[[Any], object]]) -> None:
     limit_threads()
     report_compiling(lambda words: sys.stderr.writelines((words, "\n")))
     try:
-        _serve(ArrayExchange(int(sys.argv[1])), reads)
+        _serve(ArrayExchange(int(sys.argv[1]), _PARTS), reads)
     except (EOFError, BrokenPipeError):
         os._exit(0)  # the run is over, and nobody listens
