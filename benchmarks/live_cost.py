@@ -21,8 +21,10 @@ Where surfaces are read and recorded at 60 Hz, contacts are looked for as well, 
 drawing, as with a graphics card, and drawing in software, the share of the camera's frames that were read to
 depth is given, those among them that the loop never had, the longest run of frames that were not read, and
 loop and reading in the median and at 99 %; no bar judges them, as whatever else runs on the machine decides
-them. Where the processor's time goes is given by thread and process. In it, "emulated devices" are those of
-memory: the camera puts its frames together in the thread "capture", which a real one does not.
+them. The press is a Gaussian, which a law of the far field fits at once: one that none fits, or several
+presses, take some 5 to 10 ms more. Where the processor's time goes is given by thread and process. In it,
+"emulated devices" are those of memory: the camera puts its frames together in the thread "capture", which a
+real one does not.
 """
 
 from __future__ import annotations

@@ -157,7 +157,7 @@ class Running:
                 self._processes["process: surfaces"] = process_id
             contacts = ContactFinder(rig, prepared.optics, loop.grid)
             self._reading = StepReader(
-                _reading(surfaces, contacts), publisher, live=True, begin=_beginning(surfaces)
+                _reading(surfaces, contacts), publisher, live=True, begin=_beginning(surfaces, prepared)
             )
             self._stack.callback(self._reading.close)
         if variant.records:
@@ -243,10 +243,13 @@ class Running:
         return found[LEFT_OUT:]
 
 
-def _beginning(surfaces: Surfaces) -> Callable[[Step], None]:
+def _beginning(surfaces: Surfaces, prepared: Prepared) -> Callable[[Step], None]:
     def begin(step: Step) -> None:
         assert step.measured is not None
-        surfaces.begin(step.number, step.measured)
+        assert step.shown is not None
+        assert step.frame_number is not None
+        warp = prepared.with_residual(step.measured, step.shown, step.frame_number)
+        surfaces.begin(step.number, warp)
 
     return begin
 

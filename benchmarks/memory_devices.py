@@ -13,7 +13,7 @@ import math
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -36,6 +36,7 @@ from zeromethod.simulation.gpu import GpuRenderer
 from zeromethod.simulation.press import Dent, Mirror, Shape
 from zeromethod.simulation.renderer import Piece
 from zeromethod.warp.rest import Rest
+from zeromethod.warp.warp import Warp
 
 DEPTHS_MM = (0.0, 0.05, 0.1, 0.15, 0.2)
 SLIDE_MM = (0.75, 1.5, 2.25, 3.0)
@@ -82,7 +83,7 @@ class Prepared:
         self.strips = find_strips(rig, rest)
         if self.strips is not None and not self.strips.along_u:
             raise ValueError("strips at the left and right edges are not prepared")
-        warps = [self._warp(rest, state) for state in range(STATES)]
+        self._warps = warps = [self._warp(rest, state) for state in range(STATES)]
         self._nodes = np.stack([self.sampled(q) for q in warps])
         rng = np.random.default_rng(rig.simulation.seed)
         self._normal = rng.standard_normal((rig.camera.rows, rig.camera.columns), np.float32)
@@ -95,6 +96,17 @@ class Prepared:
     def state_of(self, nodes: Float) -> int:
         """State whose warp is nearest."""
         return int(np.argmin(((self._nodes - nodes) ** 2).sum(axis=(1, 2, 3))))
+
+    def with_residual(self, measured: Warp, shown: Warp, frame_number: int) -> Warp:
+        """A measured warp with the residual of the state that was seen, which its frame did not show.
+
+        A frame of the state that its picture was drawn for shows none, although the loop's warp is off by a
+        hundredth of the dent, as it was sensed in one step. A real camera would show that.
+        """
+        seen = int(PATH[frame_number % len(PATH)])
+        if self.state_of(self.sampled(shown.q)) != seen:
+            return measured
+        return replace(measured, q=measured.q + (self._warps[seen] - shown.q))
 
     def grey(self, light: NDArray[np.float32], rows: slice, sign: int) -> NDArray[Any]:
         """Grey levels under light of some rows; noise `sign` times the same: two frames' errors cancel."""

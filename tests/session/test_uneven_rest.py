@@ -26,6 +26,7 @@ def warp(seed, more=0.0, dirt=DIRT):
 
 def learned(**given):
     uneven = UnevenRest(REST)
+    uneven.levelled(warp(98, **given), State.NULLING, None)
     for seed in range(FRAMES):
         uneven.levelled(warp(seed, **given), State.RESTING, None)
     return uneven
@@ -63,6 +64,7 @@ def test_nothing_is_learned_while_something_presses():
 
 def test_the_first_frame_at_rest_is_without_dirt_too_and_less_is_known_by_it():
     uneven = UnevenRest(REST)
+    uneven.levelled(warp(0), State.NULLING, None)
     first = uneven.levelled(warp(1), State.RESTING, None)
     disturbed = DIRT[..., 0] > 0
     # what is left is the slow rest's curvature; a press begins, and the noise of that one frame comes with it
@@ -73,6 +75,16 @@ def test_the_first_frame_at_rest_is_without_dirt_too_and_less_is_known_by_it():
     assert (
         pressed.sigma[disturbed] > learned().levelled(warp(2, 1.0), State.NULLING, None).sigma[disturbed]
     ).all()
+
+
+def test_a_press_that_begins_before_the_state_says_so_is_not_taken_for_dirt():
+    uneven = UnevenRest(REST)
+    uneven.levelled(warp(0, dirt=0.0), State.NULLING, None)
+    press = 3 * np.exp(-((COL - 30) ** 2 + (ROW - 20) ** 2) / 20)[..., None]
+    begun = warp(1, 0.3 * press, dirt=0.0)
+    assert uneven.levelled(begun, State.RESTING, None) is begun
+    pressed = warp(2, press, dirt=0.0)
+    assert uneven.levelled(pressed, State.LOCKED, None) is pressed
 
 
 def test_a_new_zero_is_learned_again():

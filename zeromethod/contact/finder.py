@@ -168,13 +168,16 @@ class ContactFinder:
         own_mm = edge.sigma_px * pixel_mm
         around_mm = perimeter(outline_mm)
         apart_mm = own_mm / np.sqrt(max(around_mm / pixel_mm / WINDOW_PX, 1.0))
+        gaps_mm2 = 0.0
+        if region.parted:  # the parts are somewhere between what is surely theirs and all within the border
+            gaps_mm2 = 0.5 * max(area - pixel_mm**2 * float(region.probability[region.mask].sum()), 0.0)
         sigma_x, sigma_y = (float(np.hypot(part, max(apart_mm, 0.2 * open_mm))) for part in seen.sigma_mm)
         return Contact(
             id=0,
             **moments(outline_mm)._asdict(),
             sigma_x_mm=sigma_x,
             sigma_y_mm=sigma_y,
-            sigma_area_mm2=around_mm * float(np.hypot(open_mm, apart_mm)),
+            sigma_area_mm2=float(np.hypot(around_mm * np.hypot(open_mm, apart_mm), gaps_mm2)),
             outline_mm=outline_mm,
             sigma_edge_mm=float(np.sqrt(open_mm**2 + own_mm**2 + sum(np.square(seen.sigma_mm)) / 2)),
             outline_px=points_px,

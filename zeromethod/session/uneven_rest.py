@@ -13,6 +13,8 @@ import numpy as np
 from scipy.ndimage import maximum_filter, median_filter
 
 from zeromethod.arrays import Float, Mask
+from zeromethod.loop.circle import REST_BLOCK, REST_SIGMAS, REST_WITHIN_LCD_PX
+from zeromethod.loop.node_figures import at_rest
 from zeromethod.loop.state import State
 from zeromethod.warp.warp import Warp
 
@@ -23,6 +25,8 @@ _AROUND = 11
 """Nodes on a side of the square whose median a node is held against: dirt disturbs four across."""
 _NOISES = 4.0
 """Standard deviations of the average from which on a node is off."""
+_GROWN = 6.0
+"""Times what it has grown by since half as many frames, beyond noise, that it is off at least."""
 _OPEN = 0.3
 """Share of what was taken off that is left open: in a press the light around dirt differs."""
 
@@ -33,6 +37,7 @@ class UnevenRest:
     def __init__(self, rest_q: Float) -> None:
         self._rest_q = rest_q
         self._zero: Float | None = None
+        self._before: Warp | None = None
         self._forget()
 
     def _forget(self) -> None:
@@ -40,6 +45,7 @@ class UnevenRest:
         self._sum: Float | None = None
         self._valid: Mask | None = None
         self._variance: Float | None = None
+        self._away: Float | None = None
         self._off: Float | None = None
         self._open: Float | None = None
 
@@ -54,11 +60,23 @@ class UnevenRest:
         if not same:
             self._zero = zero
             self._forget()
-        if self._frames < FRAMES and state is State.RESTING:
+        if self._frames < FRAMES and state is State.RESTING and self._still(measured):
             self._learn(measured)
+        self._before = measured
         if self._off is None or self._open is None:
             return measured
         return replace(measured, q=measured.q - self._off, sigma=np.hypot(measured.sigma, self._open))
+
+    def _still(self, measured: Warp) -> bool:
+        """Whether the mirror is where it was: the state follows a filter, and a press may outrun it."""
+        if self._sum is not None and self._valid is not None:
+            known, valid = self._sum / self._frames, self._valid & measured.valid
+        elif self._before is not None:
+            known, valid = self._before.q, self._before.valid & measured.valid
+        else:
+            return False
+        limits = REST_BLOCK, REST_SIGMAS, REST_WITHIN_LCD_PX
+        return bool(at_rest(measured.q, known, measured.sigma, valid, *limits))
 
     def _learn(self, measured: Warp) -> None:
         if self._sum is None or self._valid is None or self._variance is None:
@@ -76,17 +94,28 @@ class UnevenRest:
         self._off = self._open = None
         if not valid.any():
             return
-        off = np.zeros_like(displaced)
-        for k in range(2):
-            away = np.where(valid, displaced[..., k], np.median(displaced[valid, k]))
-            off[..., k] = np.where(valid, away - median_filter(away, _AROUND, mode="nearest"), 0.0)
-        uneven = np.any(np.abs(off) > _NOISES * sigma, axis=-1) & valid
+        off = _against_around(displaced, valid)
+        if self._away is None and self._before is not None:
+            self._away = _against_around(self._before.q - self._rest_q, self._before.valid & valid)
+        uneven = (np.abs(off) > _NOISES * sigma) & valid[..., None]
+        # dirt stays as it is; a press that creeps grows, and one that begins may count as rest: left open
+        grown = np.zeros_like(off) if self._away is None else np.abs(off - self._away)
+        self._away = off
         if not uneven.any():
             return
-        # next to them, too, it is more than noise
-        near = maximum_filter(uneven, 3)
-        self._off = np.where(near[..., None], off, 0.0)
-        largest = maximum_filter(np.abs(self._off).max(axis=-1), 3)
-        self._open = np.where(
-            near[..., None], np.hypot(_OPEN * largest[..., None], sigma), _OPEN * largest[..., None]
-        )
+        most = REST_WITHIN_LCD_PX + _GROWN * np.maximum(grown - 0.5 * _NOISES * sigma, 0.0)
+        # next to it, too, it is more than noise
+        dirt = maximum_filter(np.any(uneven & (np.abs(off) > most), axis=-1), 3)[..., None]
+        self._off = np.where(dirt, off, 0.0)
+        largest = _OPEN * maximum_filter(np.abs(self._off).max(axis=-1), 3)[..., None]
+        left = np.maximum(largest, np.where(uneven, np.abs(off), 0.0))
+        self._open = np.where(dirt, np.hypot(largest, sigma), left)
+
+
+def _against_around(displaced: Float, valid: Mask) -> Float:
+    """Displacements (rows, cols, 2) of valid nodes less the median around each; else 0."""
+    off = np.zeros_like(displaced)
+    for k in range(2):
+        away = np.where(valid, displaced[..., k], np.median(displaced[valid, k]))
+        off[..., k] = np.where(valid, away - median_filter(away, _AROUND, mode="nearest"), 0.0)
+    return off

@@ -23,6 +23,7 @@ from zeromethod.session.reading import timed
 from zeromethod.session.replay.mirror import RecordedMirror
 from zeromethod.session.replay.track import Nodes, Track, TrackPoint
 from zeromethod.session.replay.window import Pace, Window
+from zeromethod.session.uneven_rest import UnevenRest
 from zeromethod.simulation.clone import simulated_clone
 from zeromethod.surface import Peak, Surface, SurfaceReader, peak
 from zeromethod.surface.comparison import compare
@@ -79,13 +80,13 @@ class ClosedLoopReplay:
             camera.scenario = self.mirror.scenario(self.name)
             loop = opened.enter_context(Loop(self.rig, camera, devices.display, devices.clock, optics=optics))
             self.gl_renderer = loop.gl_renderer
-            reader = SurfaceReader(self.rig, optics, loop.grid)
+            reader, uneven = SurfaceReader(self.rig, optics, loop.grid), UnevenRest(loop.q_rest)
             nodes = Nodes(loop.rest, round(self.mirror.duration_s * self.rig.camera.rate_hz))
             recorder = self._recorder(loop.rest, opened)
             for step in loop.run(seconds=self.mirror.duration_s):
                 pace.wait_for(step.time_ns)
                 if step.measured is not None:
-                    step = _read(reader, step)  # noqa: PLW2901 - the same step, with its reading
+                    step = _read(reader, uneven, step)  # noqa: PLW2901 - the same step, with its reading
                 if recorder is not None:
                     recorder.add_step(step)
                     if step.surface is not None:
@@ -128,13 +129,13 @@ class ClosedLoopReplay:
         )
 
 
-def _read(reader: SurfaceReader, step: Step) -> Step:
+def _read(reader: SurfaceReader, uneven: UnevenRest, step: Step) -> Step:
     """The step with its reading."""
-    measured = step.measured
-    assert measured is not None
+    assert step.measured is not None
+    levelled = uneven.levelled(step.measured, step.state, step.zero)
 
     def read() -> tuple[Surface, Peak]:
-        surface = reader.follow(measured)
+        surface = reader.follow(levelled)
         return surface, peak(surface)
 
     surface, deepest, read_ms = timed(read)
