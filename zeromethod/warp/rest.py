@@ -101,7 +101,7 @@ class Rest:
         visible: Mask = known & inside & grid.measurable
         if not visible.any():
             raise InputError(
-                "rig: no node of the camera's view sees pixels of the LCD that are fine enough for the target "
+                "rig: no node of the camera's view sees LCD pixels that are fine enough for the target "
                 "(4 in each period): display.pitch_mm, camera.focal_px, where camera and LCD stand"
             )
         return cls(grid, whole, flags, visible, display_size)
