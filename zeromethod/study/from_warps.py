@@ -8,12 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from zeromethod.errors import MeasurementError
-from zeromethod.optics import Optics
 from zeromethod.recording.recording import Recording
 from zeromethod.recording.source import DamagedWarning
+from zeromethod.session.replay.from_warps import Reader
 from zeromethod.study.settings import with_settings
 from zeromethod.study.task import Figures, Procedure, Task
-from zeromethod.surface import SurfaceReader, peak
 
 
 def read_warps(task: Task) -> Figures:
@@ -27,7 +26,7 @@ def read_warps(task: Task) -> Figures:
     with raised.catch_warnings(), Recording(path) as recording:
         raised.simplefilter("error", DamagedWarning)
         rig = with_settings(recording.rig, task.rig_settings, 1, path)
-        reader = SurfaceReader(rig, Optics(rig), recording.grid)
+        reader = Reader(recording, rig, recording.grid)
         recorded = {int(row["step"]): float(row["depth_mm"]) for row in recording.peaks}
         depths, sigmas, differences, areas = [], [], [], []
         for row in recording.steps[:: int(task.settings["every"])]:
@@ -35,8 +34,7 @@ def read_warps(task: Task) -> Figures:
             measured = recording.measured(number)
             if measured is None:
                 continue
-            surface = reader.follow(measured)
-            found = peak(surface)
+            surface, found = reader.read(number, measured)
             if not np.isfinite(found.depth_mm):
                 continue
             depths.append(found.depth_mm)
