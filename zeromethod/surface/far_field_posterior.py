@@ -61,7 +61,7 @@ _RANGES, _MOST_RANGES = 1.0, 3.0
 that says more is doubted by as much as it says more. Such a dent moves what is seen hardly more than the
 multiple of the scale that cannot be seen."""
 
-_UNLIKE = 0.02
+_UNLIKE = 0.006
 """Error of one law from which dents may have laws of their own."""
 
 _WORTH = 0.05
