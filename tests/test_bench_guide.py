@@ -12,6 +12,7 @@ from commands import typed
 from zeromethod import Event, State, load_rig
 from zeromethod.calibration import Priors, describe
 from zeromethod.cli.calibrate import calibrate_command
+from zeromethod.cli.check import check_command
 from zeromethod.cli.devices import devices_command
 from zeromethod.cli.init import init_command
 from zeromethod.cli.run import run_command
@@ -52,7 +53,14 @@ def test_every_state_and_event_is_explained(name: str) -> None:
 
 
 def test_every_option_in_the_guide_exists() -> None:
-    commands = (devices_command, run_command, init_command, calibrate_command, virtual_bench_command)
+    commands = (
+        devices_command,
+        run_command,
+        init_command,
+        calibrate_command,
+        check_command,
+        virtual_bench_command,
+    )
     options = {name for command in commands for p in command.params for name in (*p.opts, *p.secondary_opts)}
     assert set(re.findall(r"(?<![\w-])--[a-z][a-z-]+", GUIDE)) <= options
 
