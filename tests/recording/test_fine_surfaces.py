@@ -43,12 +43,22 @@ def test_a_recording_gives_back_the_fine_surfaces_that_the_session_gave(recorded
         assert not recording.damaged()
 
 
+def test_read_again_from_the_same_frames_they_are_the_same_bit_for_bit(recorded):
+    path, found = recorded
+    figures = zm.replay(path, "from-frames", from_s=0.5)
+    assert figures["fine_readings"] == figures["fine_readings_equal"] == len(found)
+    assert figures["fine_depth_difference_nm"] == figures["fine_peak_difference_nm"]
+    assert figures["fine_depth_difference_nm"]["largest"] == 0.0
+    assert figures["equal"]
+
+
 def test_fine_surfaces_are_exported_as_arrays_lattice_mesh_and_track(recorded, tmp_path):
     path, found = recorded
     deepest_mm = found[-1].peak[0]
     with Recording(path) as recording:
         files = {name: tmp_path / name for name in ("a.npz", "a.tif", "a.ply", "a.csv")}
-        figures = {name: prepare(recording, file, fine=True).write() for name, file in files.items()}
+        exports = {name: prepare(recording, file, fine=True) for name, file in files.items()}
+        figures = {name: one.write() for name, one in exports.items()}
         with pytest.raises(zm.InputError, match="mcap has no fine surfaces"):
             prepare(recording, tmp_path / "a.mcap", fine=True)
     with np.load(files["a.npz"]) as data:
@@ -60,7 +70,7 @@ def test_fine_surfaces_are_exported_as_arrays_lattice_mesh_and_track(recorded, t
     assert np.nanmax(tifffile.imread(files["a.tif"])[-1, 0]) == pytest.approx(deepest_mm, rel=2e-3)
     assert figures["a.ply"]["depth_largest_mm"] == pytest.approx(deepest_mm, rel=2e-2)
     lines = files["a.csv"].read_text().splitlines()
-    assert len(lines) == 1 + len(found)
+    assert len(lines) == 1 + len(found) == 1 + len(exports["a.csv"].selected.steps)
     assert float(lines[-1].split(",")[1]) == pytest.approx(deepest_mm)
 
 
