@@ -1,28 +1,55 @@
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 import tifffile
 
 import zeromethod as zm
 from benchmarks.rigs import small_rig
+from zeromethod.clock import HostClock
 from zeromethod.export import prepare
 from zeromethod.fine.surface import FineSurface
+from zeromethod.operating.player import Player
+from zeromethod.operating.readings import Readings
+from zeromethod.page.encoding import Encoded
+from zeromethod.page.message import Content
+from zeromethod.page.replay_content import ReplayContent
+from zeromethod.page.run_feed import RunFeed
 from zeromethod.recording.recording import Recording
 
 MAPS = ("depth_mm", "slope", "sigma_depth_mm", "sigma_slope", "x_mm", "y_mm", "share")
 
 
+class NewestOnly:
+    """A page that keeps what it was offered last."""
+
+    def draw_by(self, drawing: object) -> None:
+        pass
+
+    def offer(self, compose: Callable[[frozenset[str]], Content]) -> None:
+        self.newest = compose
+
+
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory) -> tuple:
-    """(file, fine surfaces that the session gave)."""
+    """(file, fine surfaces that the session gave, what its page was offered with each)."""
     path = tmp_path_factory.mktemp("fine") / "fine.h5"
     rig = small_rig(4).replace(scenario="hold")
+    page, found, offered = NewestOnly(), [], []
     with zm.Session(rig, fine=True, record=path) as session:
-        found = [step.fine for step in session.run(seconds=1.3) if step.fine is not None]
-    return path, found
+        readings = Readings(session)
+        feed = RunFeed(page, session, readings, HostClock())
+        for step in session.run(seconds=1.3):
+            readings.see(step)
+            feed.see(step, ())
+            if step.fine is not None:
+                found.append(step.fine)
+                offered.append(page.newest(frozenset({"fine"})))
+    return path, found, offered
 
 
 def test_a_recording_gives_back_the_fine_surfaces_that_the_session_gave(recorded):
-    path, found = recorded
+    path, found, _ = recorded
     with Recording(path) as recording:
         steps = recording.steps_with("fine").tolist()
         assert len(steps) == len(found) > 0
@@ -44,16 +71,49 @@ def test_a_recording_gives_back_the_fine_surfaces_that_the_session_gave(recorded
 
 
 def test_read_again_from_the_same_frames_they_are_the_same_bit_for_bit(recorded):
-    path, found = recorded
+    path, found, _ = recorded
     figures = zm.replay(path, "from-frames", from_s=0.5)
-    assert figures["fine_readings"] == figures["fine_readings_equal"] == len(found)
+    # the first is read before that: it is read again for what the reader keeps, but not compared
+    assert figures["fine_readings"] == figures["fine_readings_equal"] == len(found) - 1 > 0
     assert figures["fine_depth_difference_nm"] == figures["fine_peak_difference_nm"]
     assert figures["fine_depth_difference_nm"]["largest"] == 0.0
     assert figures["equal"]
 
 
+def test_a_page_shows_the_newest_one_with_its_time_live_and_of_a_recording(recorded):
+    path, found, offered = recorded
+    with Recording(path) as recording:
+        content = ReplayContent(recording, Player(recording.seconds))
+        first = content.index_at(
+            1e-9 * float(recording.fine_peaks["time_ns"][0] - recording.steps["time_ns"][0])
+        )
+        assert content.values(first - 1)["fine_time_s"] is None
+        steps, wanted = recording.fine_peaks["step"], frozenset({"fine"})
+        again = [
+            content.compose(int(np.searchsorted(recording.steps["number"], one)), wanted) for one in steps
+        ]
+        assert "fine" not in content.compose(first, frozenset({"surface"})).arrays
+    for given, live, played in zip(found, offered, again, strict=True):
+        np.testing.assert_array_equal(live.arrays["fine"]["depth"], given.depth_mm)
+        for name in ("depth", "sigma"):
+            np.testing.assert_array_equal(played.arrays["fine"][name], live.arrays["fine"][name])
+        names = ("fine_peak_mm", "fine_peak_sigma_mm", "fine_time_s", "fine_doubt")
+        assert [played.values[one] for one in names] == [live.values[one] for one in names]
+        assert played.meta == live.meta
+        assert live.values["fine_time_s"] == live.meta["fine"]["time_s"] == live.values["time_s"]
+        assert live.values["fine_doubt"] == live.values["doubt"]
+        # where the map is deepest it is marked, at the pixel's own place in the picture
+        (u, v), (column, row) = live.meta["fine"]["lattice"]["first"], live.meta["fine"]["peak_node"]
+        assert (v, u) == given.first_px
+        assert given.depth_mm[row, column] == np.nanmax(given.depth_mm)
+    about, data = Encoded(1, wanted, offered[-1]).part("fine_sigma")
+    codes = np.frombuffer(data, "<u2").reshape(about["shape"])
+    sigma_um = about["maps"]["sigma"]["offset"] + about["maps"]["sigma"]["step"] * codes
+    np.testing.assert_allclose(sigma_um, 1e3 * found[-1].sigma_depth_mm, atol=about["maps"]["sigma"]["step"])
+
+
 def test_fine_surfaces_are_exported_as_arrays_lattice_mesh_and_track(recorded, tmp_path):
-    path, found = recorded
+    path, found, _ = recorded
     deepest_mm = found[-1].peak[0]
     with Recording(path) as recording:
         files = {name: tmp_path / name for name in ("a.npz", "a.tif", "a.ply", "a.csv")}
@@ -75,7 +135,7 @@ def test_fine_surfaces_are_exported_as_arrays_lattice_mesh_and_track(recorded, t
 
 
 def test_the_report_shows_every_pixel(recorded, tmp_path):
-    path, found = recorded
+    path, found, _ = recorded
     figures = zm.report(path, tmp_path / "page.html")
     assert figures["fine"]["surfaces"] == len(found)
     assert "every pixel" in (tmp_path / "page.html").read_text()
