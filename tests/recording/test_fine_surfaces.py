@@ -1,8 +1,12 @@
+import json
+import time
+import urllib.request
 from collections.abc import Callable
 
 import numpy as np
 import pytest
 import tifffile
+from browsing import browser, needs_browser, served, tab
 
 import zeromethod as zm
 from benchmarks.rigs import small_rig
@@ -110,6 +114,39 @@ def test_a_page_shows_the_newest_one_with_its_time_live_and_of_a_recording(recor
     codes = np.frombuffer(data, "<u2").reshape(about["shape"])
     sigma_um = about["maps"]["sigma"]["offset"] + about["maps"]["sigma"]["step"] * codes
     np.testing.assert_allclose(sigma_um, 1e3 * found[-1].sigma_depth_mm, atol=about["maps"]["sigma"]["step"])
+
+
+@needs_browser
+def test_a_browser_draws_every_pixel_when_asked_to_and_not_well_once_it_is_held(recorded, tmp_path):
+    with (
+        served("replay", recorded[0], "--view", "127.0.0.1:0", cwd=tmp_path, wanted=2) as one,
+        browser() as opened,
+        tab(opened, one.urls["view"]) as page,
+    ):
+
+        def waited(condition: str) -> None:
+            end_s = time.monotonic() + 60.0
+            while not page.evaluate(condition):
+                assert time.monotonic() < end_s, condition
+                page.wait_for_timeout(50)
+
+        def at(time_s: float) -> None:
+            seek = f"{one.base}/api/seek?token={one.token}"
+            urllib.request.urlopen(seek, json.dumps({"time_s": time_s}).encode(), 30)
+
+        urllib.request.urlopen(f"{one.base}/api/pause?token={one.token}", b"{}", 30)
+        at(0.3)
+        waited("zeromethod.values.time_s < 0.31 && zeromethod.contents > 2")
+        waited("document.getElementById('every-pixel').hidden")  # none was read yet
+        at(1.0)
+        waited("!document.getElementById('every-pixel').hidden")
+        page.click("#every-pixel")
+        waited("document.getElementById('depth-note').textContent.startsWith('every pixel: peak 199')")
+        assert page.is_hidden("#depth .badge")
+        at(9.0)
+        waited("zeromethod.values.state === 'stopped'")
+        waited("document.getElementById('depth').classList.contains('doubted')")
+        assert page.inner_text("#depth .badge") == "held: the run has ended"
 
 
 def test_fine_surfaces_are_exported_as_arrays_lattice_mesh_and_track(recorded, tmp_path):
