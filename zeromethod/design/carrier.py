@@ -1,19 +1,20 @@
 """The carrier's best period: a reading's noise against the finest picture that the LCD can draw.
 
-A node's displacement is as uncertain at every period, but for the carrier's modulation; nodes lie half a period
-apart, so that depth, which sums slopes from node to node, is the noisier the longer the period. Lens and pixels
-take modulation from a short one: noise goes with period / modulation, least at 2 pi times the blur's sigma.
-What forbids a short period is the LCD: a dent squeezes the picture, until fewer LCD pixels are left per period
-than show it.
+A node's displacement is as uncertain at every period, but for the carrier's modulation; nodes lie half a
+period apart, so that depth, which sums slopes from node to node, is the noisier the longer the period. Lens
+and pixels take modulation from a short one: noise goes with period / modulation, least at 2 pi times the
+blur's sigma. What forbids a short period is the LCD: a dent squeezes the picture, until fewer LCD pixels are
+left per period than show it.
 """
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 
-from zeromethod.arrays import Float
+from zeromethod.arrays import Float, Mask
 from zeromethod.design.lever import bending, camera_px_per_mrad, largest_curvature_per_mm
 from zeromethod.design.noise_floor import (
     contrast,
@@ -53,9 +54,10 @@ def carrier_figures(view: SampledView, depth_rms_nm: float | None = None) -> dic
         "present_px", "advised_px", "because" ("noise" or "LCD", what sets it), "wanted_share",
         "blur_px" (the lens's, as the rig has it) and "curve": per period "period_px", "lcd_px" (LCD px per
         period at rest), "modulation" (one carrier's amplitude over the mean light), "displacement_px",
-        "slope_urad" (along x, along y) and "depth_rms_nm" (one frame's), "drawn_share" (the sharpest bend that
-        is nulled, of the one that folds, in all but 5 % of the view), "bend_radius_mm" (that bend in the middle
-        of the view), "tilt_mrad" (change between two frames in which every node by itself keeps its order).
+        "slope_urad" (along x, along y) and "depth_rms_nm" (one frame's), "drawn_share" (the sharpest bend
+        that is nulled, of the one that folds, in all but 5 % of the view), "bend_radius_mm" (that bend in the
+        middle of the view), "tilt_mrad" (change between two frames in which every node by itself keeps its
+        order: a quarter period).
     """
     rig = view.rig
     present = rig.target.period_px
@@ -73,7 +75,7 @@ def carrier_figures(view: SampledView, depth_rms_nm: float | None = None) -> dic
     known = {present: depth_rms_nm} if depth_rms_nm is not None else {}
     growth = _growth(views, known)
     for row, one in zip(curve, growth, strict=True):
-        row["depth_rms_nm"] = float(one * row["period_px"] * np.hypot(*row["slope_urad"]))
+        row["depth_rms_nm"] = float(one * row["period_px"] * math.hypot(*row["slope_urad"]))
     good = [row for row in curve if row["drawn_share"] >= WANTED_SHARE]
     best = min(good, key=_noise) if good else max(curve, key=lambda row: float(row["drawn_share"]))
     by_lcd = best is not min(curve, key=_noise)
@@ -88,7 +90,7 @@ def carrier_figures(view: SampledView, depth_rms_nm: float | None = None) -> dic
 
 
 def carrier_words(found: dict[str, Any]) -> str:
-    """What another period would bring, in words; empty where the present one is as good within some percent."""
+    """What another period would bring, in words; empty where the present one is as good within 5 %."""
     rows = {row["period_px"]: row for row in found["curve"]}
     now, best = rows[found["present_px"]], rows[found["advised_px"]]
     noise = _noise(best) / _noise(now)
@@ -109,12 +111,12 @@ def carrier_words(found: dict[str, Any]) -> str:
 def bend_share(view: SampledView, period_px: float) -> Float:
     """Sharpest bend of the mirror that is nulled, over the one that folds, (rows, cols).
 
-    A dent's ring, bent by a share t of what folds, leaves 1 - t of the picture's width on the LCD. The share at
-    which either carrier is left with `FEWEST_LCD_PX` across its fringes, as `warp_flags` counts them, in the
-    worse of the directions in which the node folds first and last; at most that at which neighbouring nodes
-    lose their order, which no period changes. 0 where the carrier is too fine at rest already.
+    A dent's ring, bent by a share t of what folds, leaves 1 - t of the picture's width on the LCD. The share
+    is that at which either carrier is left with `FEWEST_LCD_PX` across its fringes, as `warp_flags` counts
+    them, in the worse of the directions in which the node folds first and last; at most that at which
+    neighbouring nodes lose their order, which no period changes. 0 where the carrier is too fine at rest.
     """
-    known = view.on_lcd & np.isfinite(largest_curvature_per_mm(view))
+    known = _known(view)
     at_rest, lever, point = (
         matrices[known] for matrices in (view.lcd_per_camera, view.sensitivity, view.mirror_per_camera)
     )
@@ -141,10 +143,16 @@ def bend_share(view: SampledView, period_px: float) -> Float:
     return result
 
 
+def _known(view: SampledView) -> Mask:
+    """Nodes that see the LCD, as do their surroundings, (rows, cols)."""
+    known: Mask = view.on_lcd & np.isfinite(bending(view)).all(axis=(-1, -2))
+    return known
+
+
 def _at(view: SampledView, changed: SampledView) -> dict[str, Any]:
     """Figures of one period. view: of the rig's own nodes."""
     period, mask = changed.rig.target.period_px, view.central.mask
-    image, jacobian = contrast(changed.rig), view.lcd_per_camera[view.on_lcd]
+    image, jacobian = contrast(changed.rig), view.lcd_per_camera[_known(view)]
     across = np.abs(np.linalg.det(jacobian)) / np.linalg.norm(jacobian, axis=-2).max(axis=-1)
     shares = bend_share(view, period)
     drawn = float(np.nanquantile(shares, _FEW)) if np.isfinite(shares).any() else 0.0
@@ -153,7 +161,7 @@ def _at(view: SampledView, changed: SampledView) -> dict[str, Any]:
     return {
         "period_px": period,
         "lcd_px": period * float(np.median(across)),
-        "modulation": image.carrier / image.mean * float(np.median(drawn_share(changed)[changed.on_lcd])),
+        "modulation": image.carrier / image.mean * float(np.nanmedian(drawn_share(changed)[changed.on_lcd])),
         "displacement_px": float(np.median(displacement_sigma_px(changed)[changed.on_lcd])),
         "slope_urad": median_over(slope_sigma_urad(changed), changed.on_lcd),
         "drawn_share": drawn,
@@ -165,7 +173,7 @@ def _at(view: SampledView, changed: SampledView) -> dict[str, Any]:
 def _noise(row: dict[str, Any]) -> float:
     """What periods are compared by: depth's noise, or where no depth is read that of slope x period."""
     depth = float(row["depth_rms_nm"])
-    return depth if np.isfinite(depth) else float(row["period_px"] * np.hypot(*row["slope_urad"]))
+    return depth if np.isfinite(depth) else float(row["period_px"] * math.hypot(*row["slope_urad"]))
 
 
 def _growth(views: dict[int, SampledView], known: dict[int, float]) -> Float:
@@ -177,14 +185,13 @@ def _growth(views: dict[int, SampledView], known: dict[int, float]) -> Float:
     """
     periods = np.array(list(views))
     read = known | {
-        period: _depth_rms_nm(views[period])
-        for period in {int(periods[0]), int(periods[-1])} - set(known)
+        period: _depth_rms_nm(views[period]) for period in {int(periods[0]), int(periods[-1])} - set(known)
     }
-    found = []
+    found: list[tuple[float, float]] = []
     for period, depth in read.items():
-        slope = np.hypot(*median_over(slope_sigma_urad(views[period]), views[period].on_lcd))
+        slope = math.hypot(*median_over(slope_sigma_urad(views[period]), views[period].on_lcd))
         if np.isfinite(depth):
-            found.append((np.log(period), (depth / (period * slope)) ** 2))
+            found.append((math.log(period), (depth / (period * slope)) ** 2))
     if not found:
         return np.full(len(periods), np.nan)
     at, squares = np.array(sorted(found)).T

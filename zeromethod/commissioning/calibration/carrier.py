@@ -25,9 +25,9 @@ _APART_PX = 5
 def measured_blur(rig: Rig, found: RestMeasurement, frames: RestFrames) -> tuple[float, float]:
     """Variance of the light's spread in the camera's image, px^2, and its standard deviation, by the fringes.
 
-    Fringes of period P lose contrast as exp(-2 pi^2 v f^2), f their frequency in the camera's image: the fit of
-    the logarithm of their modulation over f^2 has the slope -2 pi^2 v. It contains lens, both kinds of pixels
-    and whatever the panel itself spreads. Stray light takes the same share from all periods, and drops out.
+    Fringes of period P lose contrast as exp(-2 pi^2 v f^2), f their frequency in the camera's image: the
+    logarithm of their modulation falls by 2 pi^2 v with f^2. v contains lens, both kinds of pixels and
+    whatever the panel itself spreads. Stray light takes the same share from all periods, and drops out.
     NaN and infinity where no fringes are seen, or shifts are uneven.
     """
     sequence, black = frames.sequence, rig.camera.noise.black_grey
