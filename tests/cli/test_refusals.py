@@ -47,6 +47,7 @@ HELPERS = {
     "live_running",
     "browser",
     "memory_devices",
+    "processor_time",
     "fringe_bench",
     "against_peers",
 }
