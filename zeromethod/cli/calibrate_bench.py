@@ -276,7 +276,7 @@ def _print(console: Console, stored: Stored, summary: Path | None) -> None:
     console.print(depth_line(stored), soft_wrap=True)
     console.print(verdict_line(stored), soft_wrap=True)
     if stored.level is not Level.BAD and (carrier := carrier_line(stored)):
-        console.print(f"{carrier} ([target] period_px)", soft_wrap=True, markup=False)
+        console.print(f"{carrier} ([target] period_px; then calibrate again)", soft_wrap=True, markup=False)
     if warning := stored.age_warning():
         console.print(f"! {warning}", soft_wrap=True)
     if summary is not None:
