@@ -9,6 +9,8 @@ import numpy as np
 from recorded_run import small_rig
 
 from zeromethod import Optics, Rig, State, Step
+from zeromethod.fine.lattice import pixel_box
+from zeromethod.fine.surface import FineSurface
 from zeromethod.loop.drawing import Drawn
 from zeromethod.recording.recorder import Recorder
 from zeromethod.sensing.residual import Residual
@@ -87,6 +89,26 @@ def read(step: Step) -> Step:
     """The step with its reading."""
     surface, peak = reading(step.number)
     return replace(step, surface=surface, peak=peak, read_ms=1.0)
+
+
+def fine_shape() -> tuple[int, int]:
+    """Pixels of a fine surface."""
+    rows, cols = pixel_box(bench()[1].grid)
+    return rows.stop - rows.start, cols.stop - cols.start
+
+
+def read_fine(step: Step) -> Step:
+    """The step with a fine surface."""
+    shape, grid = fine_shape(), bench()[1].grid
+    rng = np.random.default_rng(step.number)
+    depth, x, y, sigma, share = rng.random((5, *shape)).astype(np.float32)
+    slope, sigma_slope = rng.random((2, *shape, 2)).astype(np.float32)
+    valid, coarse = np.ones(shape, bool), reading(step.number)[0]
+    first = pixel_box(grid)[0].start, pixel_box(grid)[1].start
+    surface = FineSurface(
+        depth, slope, x, y, sigma, sigma_slope, valid, share, first, step.time_ns, 24, coarse
+    )
+    return replace(step, fine=replace(surface, spacing_px=grid.spacing_px))
 
 
 @dataclass

@@ -112,7 +112,7 @@ def test_always_begins_another_one():
 
 def test_a_recording_of_a_burst_replays_bit_for_bit(run, file):
     with Recording(file) as recording:
-        warps, depths = replay_from_frames(recording, recording.rig, Window.of(recording))
+        warps, depths, _ = replay_from_frames(recording, recording.rig, Window.of(recording))
     assert warps.different == depths.different == []
     assert warps.steps > 2 * PICTURES
 

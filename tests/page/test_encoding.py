@@ -10,6 +10,7 @@ import pytest
 from zeromethod.operating.rates import Rate
 from zeromethod.page.access import Access, Right
 from zeromethod.page.encoding import Encoded, jpeg, packed, run_lengths
+from zeromethod.page.fine_maps import reduced
 from zeromethod.page.message import Content, compact
 
 
@@ -56,6 +57,16 @@ def test_a_picture_of_more_bits_is_shown_by_its_upper_ones_and_a_wide_one_smalle
     shown = cv2.imdecode(np.frombuffer(jpeg(image, 12), np.uint8), cv2.IMREAD_GRAYSCALE)
     assert shown.shape == (512, 640)
     assert np.abs(shown[256].astype(int) - np.arange(640) * 6 // 16).max() <= 4
+
+
+def test_a_map_with_more_pixels_than_a_screen_is_shown_by_the_means_of_whole_squares():
+    values = np.arange(7 * 9, dtype=np.float32).reshape(7, 9)
+    values[0, 0] = np.nan
+    shown = reduced(values, 2)
+    assert shown.shape == (3, 4)
+    assert np.isnan(shown[0, 0])
+    assert np.isnan(shown).sum() == 1
+    assert shown[1, 2] == values[2:4, 4:6].mean()
 
 
 def test_a_node_outside_has_no_figures():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import shlex
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -27,7 +28,9 @@ from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
 from zeromethod.session.replay.closed_loop import ClosedLoopReplay, recorded_track, simulated_bench
 from zeromethod.session.replay.comparison import figures_of, rejection
-from zeromethod.session.replay.from_frames import replay_from_frames
+from zeromethod.session.replay.differences import DepthDifferences
+from zeromethod.session.replay.fine import FineDifferences
+from zeromethod.session.replay.from_frames import WarpDifferences, replay_from_frames
 from zeromethod.session.replay.from_warps import replay_from_warps
 from zeromethod.session.replay.mirror import RecordedMirror
 from zeromethod.session.replay.settings import with_settings
@@ -154,15 +157,14 @@ def _evaluate(asked: _Asked, recording: Recording, window: Window, rig: Rig) -> 
         def on_step(at_s: float) -> None:
             advance(f"{at_s:.2f} s")
 
+        how: dict[str, Any] = {"speed": asked.speed, "on_step": on_step}
+        parts: Sequence[DepthDifferences | WarpDifferences | FineDifferences]
         if from_warps:
-            warps, depths = (
-                None,
-                replay_from_warps(recording, rig, window, speed=asked.speed, on_step=on_step),
-            )
+            parts = (replay_from_warps(recording, rig, window, **how),)
         else:
-            warps, depths = replay_from_frames(recording, rig, window, speed=asked.speed, on_step=on_step)
-    figures = depths.figures | ({} if warps is None else warps.figures)
-    equal = not (depths.different or (warps is not None and warps.different))
+            parts = replay_from_frames(recording, rig, window, **how)
+    figures = {name: value for one in parts for name, value in one.figures.items()}
+    equal = not any(one.different for one in parts)
     Console().print(differences_table(figures))
     if asked.figure is not None:
         from zeromethod.view.replay_figure import draw_differences  # noqa: PLC0415 - matplotlib loads slowly

@@ -126,8 +126,10 @@ def _prepare_fine(
     source = MapSource(recording, fine=True)
     if form in MESHES:
         selected = selection.one(source)
+    elif form == "csv":  # the peaks are kept where the maps are not
+        selected = selection.among(recording, recording.fine_peaks["step"], "fine surface")
     else:
-        selected = selection.several(recording, () if form == "csv" else (source.group,))
+        selected = selection.several(recording, (source.group,))
     return Export(recording, form, path, selected, pitch_mm, fine=True)
 
 

@@ -57,38 +57,40 @@ class Selection:
 
     def several(self, recording: Recording, groups: Sequence[str] = ()) -> SelectedSteps:
         """Turns that one of the groups has arrays of; every step without groups. Raises InputError: none."""
-        found = self._within(recording, groups)[:: self.every]
-        return _selected(recording, found)
+        kept = np.concatenate([recording.steps_with(group) for group in groups]) if groups else None
+        return self.among(recording, kept, " or ".join(groups) or "step")
+
+    def among(self, recording: Recording, numbers: Ints | None, what: str) -> SelectedSteps:
+        """Turns of these numbers (None: all), of which each has a `what`. Raises InputError: none."""
+        return _selected(recording, self._within(recording, numbers, what)[:: self.every])
 
     def one(self, source: MapSource) -> SelectedSteps:
         """The step with a surface next to `at_s`; without, the one with the peak of largest |depth|.
 
         Raises InputError where there is no surface.
         """
-        recording = source.recording
+        recording, numbers = source.recording, source.recording.steps_with(source.group)
         if self.at_s is not None:
             if self.at_s > recording.seconds:
                 raise InputError(f"--at: {self.at_s:g}: the recording ends at {recording.seconds:.3f} s")
-            found = Selection()._within(recording, (source.group,))
+            found = Selection()._within(recording, numbers, source.group)
             times = _selected(recording, found).time_s
             return _selected(recording, found[[int(np.argmin(np.abs(times - self.at_s)))]])
-        found = self._within(recording, (source.group,))
+        found = self._within(recording, numbers, source.group)
         deepest = source.deepest(found)
         return _selected(recording, found[-1:] if deepest is None else found[found["number"] == deepest])
 
-    def _within(self, recording: Recording, groups: Sequence[str]) -> NDArray[np.void]:
+    def _within(self, recording: Recording, numbers: Ints | None, what: str) -> NDArray[np.void]:
         steps = recording.steps
         if not len(steps):
             raise InputError(f"{recording.path}: nothing was recorded yet")
-        if groups:
-            kept = np.concatenate([recording.steps_with(group) for group in groups])
-            steps = steps[np.isin(steps["number"], kept)]
+        if numbers is not None:
+            steps = steps[np.isin(steps["number"], numbers)]
         time_s = 1e-9 * (steps["time_ns"] - recording.steps["time_ns"][0])
         low = -math.inf if self.from_s is None else self.from_s
         high = math.inf if self.to_s is None else self.to_s
         found: NDArray[np.void] = steps[(time_s >= low) & (time_s <= high)]
         if not len(found):
-            what = " or ".join(groups) or "step"
             raise InputError(
                 f"{recording.path}: no {what} recorded from {max(low, 0.0):g} to "
                 f"{min(high, recording.seconds):.3f} s; the recording is {recording.seconds:.3f} s long"

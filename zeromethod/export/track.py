@@ -58,14 +58,11 @@ def _fine_track(
     recording: Recording, selected: SelectedSteps, path: Path, advance: Callable[[], None]
 ) -> dict[str, Any]:
     peaks = {int(row["step"]): row for row in recording.fine_peaks}
-    written = 0
     with atomic_write(path) as part, part.open("w", newline="", encoding="utf-8") as file:
         lines = csv.writer(file, lineterminator="\n")
         lines.writerow(FINE_COLUMNS)
         for step, time_s, state in zip(selected.steps, selected.time_s, selected.states, strict=True):
-            if (row := peaks.get(int(step))) is not None:
-                values = [row[name].item() for name in FINE_COLUMNS[1:-1]]
-                lines.writerow([f"{time_s:.9f}", *map(repr, values), state])
-                written += 1
+            values = [peaks[int(step)][name].item() for name in FINE_COLUMNS[1:-1]]
+            lines.writerow([f"{time_s:.9f}", *map(repr, values), state])
             advance()
-    return {"times": written, "peaks": written}
+    return {"times": len(selected.steps), "peaks": len(selected.steps)}

@@ -12,6 +12,7 @@ import numpy as np
 from zeromethod.loop.state import State
 from zeromethod.loop.step import Step
 from zeromethod.operating.advice import ADVICE, FRESH, LATE_S, doubt_of
+from zeromethod.operating.fine_doubt import Spoiled
 from zeromethod.operating.lasting import LastingState
 from zeromethod.operating.rates import Rate
 from zeromethod.session.session import Session
@@ -75,6 +76,8 @@ class Readings:
             )
         )
         self._peak["contacts"] = []
+        self._fine: dict[str, Any] = dict.fromkeys(("fine_peak_mm", "fine_peak_sigma_mm", "fine_time_s"))
+        self._spoiled, self._zero = Spoiled(), session.loop.zero
         self._frame: dict[str, Any] = {"frame": None, "exposure_ms": None, "delay_ms": None}
         self._newest = self._values(None)
 
@@ -96,6 +99,10 @@ class Readings:
             self._loops.note(step.time_s)
         if step.surface is not None and step.peak is not None:
             self._read(step, step.surface)
+        self._spoiled = self._spoiled.seen(step.state, step.time_s, step.zero is not self._zero)
+        self._zero = step.zero
+        if step.fine is not None:
+            self._read_fine(step)
         if step.frame_number is not None:
             self._frame = {
                 "frame": step.frame_number,
@@ -132,6 +139,15 @@ class Readings:
             ],
         }
 
+    def _read_fine(self, step: Step) -> None:
+        figures = self._session.result.fine[-1]  # worked out where it was read
+        at_s = step.time_s - 1e-9 * (step.time_ns - figures.time_ns)
+        self._fine = {
+            "fine_peak_mm": number(figures.depth_peak_mm),
+            "fine_peak_sigma_mm": number(figures.depth_peak_sigma_mm),
+            "fine_time_s": max(at_s, 0.0),
+        }
+
     def _values(self, step: Step | None) -> dict[str, Any]:
         session, loop = self._session, self._session.loop
         recording = session.recording
@@ -158,6 +174,7 @@ class Readings:
             }
         read_s = self._peak["peak_time_s"]
         late_s = None if read_s is None else now_s - read_s
+        doubt = doubt_of(state, late_s)
         return {
             **stepped,
             **self._fixed,
@@ -165,7 +182,9 @@ class Readings:
             **self._frame,
             "advice": ADVICE[state],
             "fresh": state in FRESH and (late_s or 0.0) <= LATE_S,
-            "doubt": doubt_of(state, late_s),
+            "doubt": doubt,
+            **self._fine,
+            "fine_doubt": self._spoiled.doubt(doubt, self._fine["fine_time_s"], now_s),
             "loop_rate_hz": self._loops.at(now_s),
             "read_rate_hz": self._reads.at(now_s),
             "dropped": session.result.dropped,

@@ -82,6 +82,10 @@ VALUES = (
     Quantity("peak_where", "text", "measured, beside a contact, or inside a contact"),
     _number("peak_time_s", "time of the frame that the peak was read from", "s", 0),
     _number("depth_sigma_um", "standard deviation of depth, median over the nodes", "µm", 0),
+    _number("fine_peak_mm", "depth at the deepest place of every pixel's depth; null without --fine", "mm"),
+    _number("fine_peak_sigma_mm", "standard deviation of fine_peak_mm", "mm", 0),
+    _number("fine_time_s", "time of the newest frame that every pixel was read from; null without", "s", 0),
+    Quantity("fine_doubt", "text", "why every pixel's depth is not to be relied on; empty where it is"),
     _number("force_normal_n", "force across the mirror; null: not measured yet", "N"),
     _number("force_shear_n", "force along the mirror; null: not measured yet", "N", 0),
     Quantity(

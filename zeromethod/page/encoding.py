@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from zeromethod.page.message import Content, compact
+from zeromethod.page.message import Content, compact, content_part
 
 PICTURE_COLUMNS = 640
 """Pictures wider than this are made smaller."""
@@ -20,6 +20,16 @@ QUALITY = 75
 """Of JPEG pictures: 60 kB for 640 x 512."""
 
 _ALIGNED = 8
+_MAPS = {
+    "residual": {"length": (1.0, "camera px")},
+    "surface": {"depth": (1e3, "µm")},
+    "sigma": {"sigma": (1e3, "µm")},
+    "place": {"x": (1.0, "mm"), "y": (1.0, "mm")},
+    "fine": {"depth": (1e3, "µm")},
+    "fine_sigma": {"sigma": (1e3, "µm")},
+}
+"""Maps of a part: their arrays, with what they are multiplied by, and the unit that they then have."""
+
 _KINDS = ("not read", "measured", "cut off", "inside a contact", "dark")
 
 
@@ -60,21 +70,18 @@ class Encoded:
         return self._done[name]
 
     def _encode(self, name: str) -> tuple[dict[str, Any], bytes] | None:
-        source = "surface" if name in {"sigma", "place"} else name
+        source = content_part(name)
         arrays, meta = self.content.arrays.get(source), self.content.meta.get(source, {})
         if arrays is None or name == "lcd":  # which is drawn elsewhere, and comes later
             return None
         if name == "camera":
             rows, columns = arrays["image"].shape
             return meta | {"size": [columns, rows]}, jpeg(arrays["image"], meta.get("bits", 8))
-        if name == "residual":
-            return _maps(meta, {"length": (arrays["length"], "camera px")})
+        said = {} if name in {"sigma", "place"} else meta
         if name == "surface":
-            said = meta | {"kinds": run_lengths(arrays["kind"]), "kind_names": _KINDS}
-            return _maps(said, {"depth": (1e3 * arrays["depth"], "µm")})
-        if name == "sigma":
-            return _maps({}, {"sigma": (1e3 * arrays["sigma"], "µm")})
-        return _maps({}, {"x": (arrays["x"], "mm"), "y": (arrays["y"], "mm")})
+            said = said | {"kinds": run_lengths(arrays["kind"]), "kind_names": _KINDS}
+        maps = _MAPS[name].items()
+        return _maps(said, {key: (factor * arrays[key], unit) for key, (factor, unit) in maps})
 
     def probe(self, column: int, row: int) -> dict[str, Any] | None:
         """Figures of a node, exact; None where there is no surface or no such node."""

@@ -20,10 +20,12 @@ SETTING, CONTENT, SAID, ANSWER, DRAWING = "setting", "content", "said", "answer"
 READY, REFUSED, ASK, CALL, NEWS = "ready", "refused", "ask", "call", "news"
 """From the server: it serves (addresses); why it cannot; parts wanted next; a call; words for people."""
 
-PARTS = ("camera", "lcd", "residual", "surface", "sigma", "place")
+PARTS = ("camera", "lcd", "residual", "surface", "sigma", "place", "fine", "fine_sigma")
 """Parts that a viewer may ask for, apart from values: pictures of camera and LCD, maps of residual with mask,
-of depth, of its sigma, and of where on the mirror the nodes are. The last three come of one content's part
-"surface"."""
+of depth, of its sigma, and of where on the mirror the nodes are, which three come of one content's part
+"surface"; depth on every pixel and its sigma, of the part "fine"."""
+
+_SOURCES = {"sigma": "surface", "place": "surface", "fine_sigma": "fine"}
 
 STAGES = ("exposed", "stepped", "composed", "received", "packed")
 """Mid-exposure; once round the loop; taken for the page; in the server; packed for a viewer."""
@@ -75,7 +77,12 @@ def unix_ms() -> float:
 
 def content_parts(parts: frozenset[str]) -> frozenset[str]:
     """Parts of a content that the parts for a viewer are made from."""
-    return frozenset("surface" if part in {"sigma", "place"} else part for part in parts)
+    return frozenset(map(content_part, parts))
+
+
+def content_part(part: str) -> str:
+    """Part of a content that a part for a viewer is made from."""
+    return _SOURCES.get(part, part)
 
 
 def compact(values: NDArray[np.floating]) -> tuple[NDArray[np.uint16], float, float]:

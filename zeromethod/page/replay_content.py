@@ -8,10 +8,12 @@ import numpy as np
 
 from zeromethod.arrays import Float
 from zeromethod.operating.advice import ADVICE, FRESH, LATE_S, doubt_of
+from zeromethod.operating.fine_doubt import Spoiled
 from zeromethod.operating.lasting import LastingState
 from zeromethod.operating.player import Player
 from zeromethod.operating.rates import Rate
 from zeromethod.operating.readings import history_row, median_sigma_um, number
+from zeromethod.page.fine_maps import FineMaps
 from zeromethod.page.message import Content, Said
 from zeromethod.page.run_content import lattice_of, residual_maps, surface_maps
 from zeromethod.recording.recording import Recording
@@ -38,6 +40,10 @@ class ReplayContent:
         self.times_s = 1e-9 * (self.steps["time_ns"] - self._start_ns)
         self._peaks, self._contacts = recording.peaks, recording.contacts
         self._surfaces = recording.steps_with("surface")
+        self._fine_steps, peaks = recording.steps_with("fine"), recording.fine_peaks
+        self._fine_peaks = peaks[np.isin(peaks["step"], self._fine_steps)]
+        self._spoiled = self._spoils()
+        self._fine: tuple[int, FineMaps] | None = None
         self._lattice = lattice_of(recording.grid)
         self._dropped = np.cumsum(self.steps["dropped"])
         self._rate = self._rates()
@@ -63,6 +69,16 @@ class ReplayContent:
             if sensed:
                 rate.note(time_s)
             found.append(rate.at(time_s))
+        return found
+
+    def _spoils(self) -> list[Spoiled]:
+        """After each step, up to when fine surfaces do not count."""
+        zeros = frozenset(self._recording.steps_with("zeros").tolist())
+        spoiled, found = Spoiled(), []
+        rows = self.times_s.tolist(), self.steps["state"].tolist(), self.steps["number"].tolist()
+        for time_s, state, step in zip(*rows, strict=True):
+            spoiled = spoiled.seen(STATES[state], time_s, step in zeros)
+            found.append(spoiled)
         return found
 
     def _history(self) -> list[tuple[Any, ...]]:
@@ -106,6 +122,8 @@ class ReplayContent:
         peak = self._peak_at(int(row["number"]))
         read_s = peak["peak_time_s"]
         late_s = None if read_s is None else float(self.times_s[index]) - read_s
+        doubt, fine = doubt_of(state, late_s), self._fine_peak_at(int(row["number"]))
+        now_s = float(self.times_s[index])
         return {
             **self._fixed,
             **peak,
@@ -113,7 +131,9 @@ class ReplayContent:
             "reason": Recording.text(row["reason"]),
             "advice": ADVICE[state],
             "fresh": state in FRESH and (late_s or 0.0) <= LATE_S,
-            "doubt": doubt_of(state, late_s),
+            "doubt": doubt,
+            **fine,
+            "fine_doubt": self._spoiled[index].doubt(doubt, fine["fine_time_s"], now_s),
             "phase": Recording.text(row["phase"]),
             "time_s": float(self.times_s[index]),
             "step": int(row["number"]),
@@ -153,6 +173,17 @@ class ReplayContent:
             ],
         }
 
+    def _fine_peak_at(self, step: int) -> dict[str, Any]:
+        index = int(np.searchsorted(self._fine_peaks["step"], step, side="right")) - 1
+        if index < 0:
+            return dict.fromkeys(("fine_peak_mm", "fine_peak_sigma_mm", "fine_time_s"))
+        row = self._fine_peaks[index]
+        return {
+            "fine_peak_mm": number(float(row["depth_mm"])),
+            "fine_peak_sigma_mm": number(float(row["depth_sigma_mm"])),
+            "fine_time_s": 1e-9 * float(row["time_ns"] - self._start_ns),
+        }
+
     def compose(self, index: int, parts: frozenset[str]) -> Content:
         """Content of a step by its index, with these parts, as far as they were kept."""
         recording, values = self._recording, self.values(index)
@@ -178,6 +209,9 @@ class ReplayContent:
                 outlines, peak = self._outlines(surface, values)
                 meta["surface"] |= {"lattice": self._lattice, "time_s": values["peak_time_s"]}
                 meta["surface"] |= {"outlines": outlines, "peak_node": peak}
+        fine = self._fine_at(step, values["fine_time_s"]) if "fine" in parts else None
+        if fine is not None:
+            arrays["fine"], meta["fine"] = fine.part
         rows, self._rows = self._rows or [], None
         return Content(values, rows, {}, arrays, meta)
 
@@ -193,6 +227,19 @@ class ReplayContent:
                 return None
             self._read = of, surface
         return self._read[1]
+
+    def _fine_at(self, step: int, time_s: float | None) -> FineMaps | None:
+        """Fine surface read last, up to a step; None where that one was not kept whole."""
+        index = int(np.searchsorted(self._fine_steps, step, side="right")) - 1
+        if index < 0:
+            return None
+        of = int(self._fine_steps[index])
+        if self._fine is None or self._fine[0] != of:
+            surface = self._recording.fine(of)
+            if surface is None or 1e-9 * (surface.time_ns - self._start_ns) != time_s:
+                return None
+            self._fine = of, FineMaps(surface, time_s, of, self._lattice["image"])
+        return self._fine[1]
 
     def _outlines(
         self, surface: Surface, values: dict[str, Any]

@@ -9,6 +9,7 @@ import numpy as np
 
 from zeromethod.loop.step import Step
 from zeromethod.operating.readings import Readings, number
+from zeromethod.page.fine_maps import FineMaps
 from zeromethod.page.message import Content, unix_ms
 from zeromethod.sensing.residual import Residual
 from zeromethod.surface import Surface
@@ -21,7 +22,10 @@ without light."""
 
 @dataclass(frozen=True)
 class RunContent:
-    """Composes contents of the newest step, and of the newest one that was read. stages: see `Content`."""
+    """Composes contents of the newest step, and of the newest one that was read. stages: see `Content`.
+
+    fine: of the newest fine surface.
+    """
 
     readings: Readings
     newest: Step | None
@@ -29,6 +33,7 @@ class RunContent:
     stages: dict[str, float]
     bits: int
     lattice: dict[str, Any]
+    fine: FineMaps | None = None
 
     def compose(self, parts: frozenset[str]) -> Content:
         """Content with these parts; without an image or a surface, its values alone."""
@@ -56,6 +61,8 @@ class RunContent:
                 ],
                 "peak_node": _peak_node(read.surface, read.peak),
             }
+        if self.fine is not None and "fine" in parts:
+            arrays["fine"], meta["fine"] = self.fine.part
         return Content(self.readings.values, self.readings.take_rows(), stages, arrays, meta)
 
 

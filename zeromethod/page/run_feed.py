@@ -5,6 +5,7 @@ from __future__ import annotations
 from zeromethod.clock import Clock
 from zeromethod.loop.step import Step
 from zeromethod.operating.readings import Readings
+from zeromethod.page.fine_maps import FineMaps
 from zeromethod.page.message import Content, Said, unix_ms
 from zeromethod.page.process import PageProcess
 from zeromethod.page.run_content import RunContent, lattice_of
@@ -25,6 +26,7 @@ class RunFeed:
         self._live, self._bits = session.loop.live, session.rig.camera.bits
         self._lattice = lattice_of(session.loop.grid)
         self._read: Step | None = None
+        self._fine: FineMaps | None = None
         page.draw_by((session.rig, session.loop.rest))
 
     def see(self, step: Step, said: tuple[str, ...]) -> None:
@@ -32,6 +34,9 @@ class RunFeed:
         self._page.time_s = step.time_s
         if step.surface is not None:
             self._read = step
+        if step.fine is not None:
+            at_s = self._readings.values["fine_time_s"]
+            self._fine = FineMaps(step.fine, at_s, step.number, self._lattice["image"])
         for words in said:
             self._page.say(Said("state" if words.startswith(f"{step.state}") else "note", words, step.time_s))
         stages = {}
@@ -39,5 +44,5 @@ class RunFeed:
             now_ms = unix_ms()
             age_ms = 1e-6 * (self._clock.now_ns() - step.time_ns)
             stages = {"exposed": now_ms - age_ms, "stepped": now_ms}
-        newest = RunContent(self._readings, step, self._read, stages, self._bits, self._lattice)
+        newest = RunContent(self._readings, step, self._read, stages, self._bits, self._lattice, self._fine)
         self._page.offer(newest.compose)

@@ -11,8 +11,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from zeromethod.arrays import Float
+from zeromethod.arrays import Float, Image
 from zeromethod.errors import InputError
+from zeromethod.exposure.target_phase import TargetPhase
 from zeromethod.fine.frames import FineFrame
 from zeromethod.fine.reader import FRAMES, FineReader
 from zeromethod.fine.surface import FineSurface
@@ -25,6 +26,7 @@ from zeromethod.session.fine_figures import FineFigures, figures_of
 from zeromethod.session.surfaces import ReadingLost, SurfaceProcess
 from zeromethod.surface.comparison import TruthSource
 from zeromethod.warp.grid import NodeGrid
+from zeromethod.warp.warp import Warp
 from zeromethod.worker import SameThread, Worker
 
 EVERY_S = 0.4
@@ -57,6 +59,29 @@ def with_moving_target(rig: Rig) -> Rig:
     return rig.model_copy(update={"target": target, "control": control})
 
 
+class LastFrames:
+    """The frames that a fine reading is made of: the last ones, from one zero, none older than 1.5 s."""
+
+    def __init__(self) -> None:
+        self._frames: deque[FineFrame] = deque(maxlen=FRAMES)
+
+    @property
+    def all(self) -> tuple[FineFrame, ...]:
+        """Those there are, oldest first; `FRAMES` are enough for a reading."""
+        return tuple(self._frames)
+
+    def add(self, time_ns: int, frame: FineFrame | None, new_zero: bool) -> None:
+        """Take in the frame of a step, None where it cannot be used. new_zero: warps start from another."""
+        if new_zero:
+            self._frames.clear()
+        if frame is None:
+            return
+        self._frames.append(frame)
+        oldest_ns = time_ns - round(1e9 * _OLDEST_S)
+        while self._frames[0].measured.time_ns < oldest_ns:
+            self._frames.popleft()
+
+
 @dataclass(frozen=True, slots=True)
 class _Asked:
     frames: tuple[FineFrame, ...]
@@ -71,7 +96,7 @@ class FineReadings:
 
     def __init__(self, rig: Rig, optics: Optics, grid: NodeGrid, truth: TruthSource | None) -> None:
         self._rig, self._optics, self._grid, self._truth = rig, optics, grid, truth
-        self._frames: deque[FineFrame] = deque(maxlen=FRAMES)
+        self._frames = LastFrames()
         self._zero: Float | None = None
         self._asked_ns: int | None = None
         self._own: FineReader | None = None
@@ -97,19 +122,15 @@ class FineReadings:
     def add(self, step: Step) -> None:
         """Keep a step's frame, and have the last ones read when it is time. Raises what a reading raised."""
         frame = frame_of(step)
-        if step.zero is not self._zero:
-            self._zero = step.zero
-            self._frames.clear()
+        self._frames.add(step.time_ns, frame, step.zero is not self._zero)
+        self._zero = step.zero
         if frame is None:
             return
-        self._frames.append(frame)
-        oldest_ns = step.time_ns - round(1e9 * _OLDEST_S)
-        while self._frames[0].measured.time_ns < oldest_ns:
-            self._frames.popleft()
         waited = self._asked_ns is None or step.time_ns - self._asked_ns >= 1e9 * EVERY_S
-        if waited and len(self._frames) == FRAMES and step.state in _FOLLOWED:
+        frames = self._frames.all
+        if waited and len(frames) == FRAMES and step.state in _FOLLOWED:
             self._asked_ns = step.time_ns
-            self._worker.post(_Asked(tuple(self._frames), step))
+            self._worker.post(_Asked(frames, step))
 
     def collect(self) -> list[tuple[Step, FineFigures]]:
         """Steps whose fine surface was read since the last call, and figures; raises what it raised."""
@@ -151,9 +172,17 @@ def frame_of(step: Step) -> FineFrame | None:
         return None
     if Event.BURST in step.events:
         return None
-    if step.target is None:
-        still = np.zeros(step.residual.d.shape)
+    return fine_frame(step.image, step.residual.d, step.shown.q, step.measured, step.target)
+
+
+def fine_frame(image: Image, d: Float, shown: Float, measured: Warp, target: TargetPhase | None) -> FineFrame:
+    """One frame for the fine reading; d, shown and measured as `FineFrame` has them.
+
+    target: its known phase in the frame; None: it stands.
+    """
+    if target is None:
+        still = np.zeros(d.shape)
         phases = still, still + 1.0, still
     else:
-        phases = step.target.node_rad, step.target.node_contrast, step.target.node_late_rad_per_s
-    return FineFrame(step.image, *phases, step.shown.q, step.measured, step.residual.d)
+        phases = target.node_rad, target.node_contrast, target.node_late_rad_per_s
+    return FineFrame(image, *phases, shown, measured, d)

@@ -20,6 +20,8 @@ _SESSIONS = (
 _DIFFERENCES = (
     ("depth, nm", "depth_difference_nm"),
     ("peak depth, nm", "peak_difference_nm"),
+    ("fine depth, nm", "fine_depth_difference_nm"),
+    ("fine peak depth, nm", "fine_peak_difference_nm"),
     ("measured warp, LCD px", "measured_difference_lcd_px"),
     ("commanded warp, LCD px", "commanded_difference_lcd_px"),
     ("residual, camera px", "residual_difference_px"),
@@ -53,18 +55,21 @@ def sessions_table(sessions: dict[str, Figures]) -> Table:
 def differences_table(figures: Figures) -> Table:
     """How far reading or sensing again differs from the recording.
 
-    figures: as `DepthDifferences.figures` and `WarpDifferences.figures` of `zeromethod.session.replay`.
+    figures: as those of `DepthDifferences`, `WarpDifferences` and `FineDifferences` of
+    `zeromethod.session.replay`.
     """
     rows = [
-        (f"{name}, equal bit for bit", str(figures[name]), str(figures[f"{name}_equal"]))
-        for name in ("steps", "readings")
+        (f"{name.replace('_', ' ')}, equal bit for bit", str(figures[name]), str(figures[f"{name}_equal"]))
+        for name in ("steps", "readings", "fine_readings")
         if name in figures
     ]
     rows += [
-        (f"left out as damaged: {name}", str(figures[f"{name}_damaged"]), "")
-        for name in ("readings", "surfaces", "warps")
+        (f"left out as damaged: {name.replace('_', ' ')}", str(figures[f"{name}_damaged"]), "")
+        for name in ("readings", "surfaces", "warps", "fine_surfaces")
         if figures.get(f"{name}_damaged")
     ]
+    if figures.get("fine_readings_unread"):
+        rows.append(("fine readings without all of their frames", str(figures["fine_readings_unread"]), ""))
     for label, key, pattern in _PAIRS:
         if (pair := figures.get(key)) is not None:
             rows.append((label, cell(pair["recorded"], pattern), cell(pair["replayed"], pattern)))

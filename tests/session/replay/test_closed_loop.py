@@ -108,7 +108,7 @@ def test_it_can_be_recorded_and_that_sensed_again(recording, tmp_path, unchanged
     with Recording(path) as again:
         assert again.complete
         assert again.rig.scenario == "none"
-        warps, depths = replay_from_frames(again, again.rig, Window.of(again))
+        warps, depths, _ = replay_from_frames(again, again.rig, Window.of(again))
         assert warps.steps > 10
         assert warps.different == depths.different == []
         assert recorded_track(again, Window.of(again)).values("residual_rms_px")[3:15] == pytest.approx(

@@ -20,14 +20,14 @@ from zeromethod.session.replay.window import Window
 
 def assert_all_equal(path: Path, least: int) -> None:
     with Recording(path) as opened:
-        warps, depths = replay_from_frames(opened, opened.rig, Window.of(opened))
+        warps, depths, _ = replay_from_frames(opened, opened.rig, Window.of(opened))
     assert warps.steps >= least
     assert warps.different == []
     assert depths.different == []
 
 
 def test_unchanged_frames_come_to_the_recorded_numbers_bit_for_bit(session, recording):
-    warps, depths = replay_from_frames(recording, recording.rig, Window.of(recording))
+    warps, depths, _ = replay_from_frames(recording, recording.rig, Window.of(recording))
     sensed = [step for step in session.steps if step.sensed]
     assert warps.steps == len(sensed) > 40
     assert warps.different == []
@@ -84,7 +84,7 @@ def test_a_session_in_real_time_is_gone_through_in_its_own_order(session, tmp_pa
 
 def test_more_noise_makes_sigma_larger_and_leaves_the_warps(recording):
     rig = with_settings(recording.rig, ["camera.noise.read_grey=8.0", "camera.noise.electrons_per_grey=1e9"])
-    warps, _ = replay_from_frames(recording, rig, Window.of(recording, 0.4, 0.5))
+    warps, *_ = replay_from_frames(recording, rig, Window.of(recording, 0.4, 0.5))
     sigmas = warps.figures["sigma_lcd_px"]
     assert sigmas["replayed"] > 2 * sigmas["recorded"]
     # sigma weighs what the controller learns, and matching starts from that and ends within 1e-5 px
@@ -93,7 +93,7 @@ def test_more_noise_makes_sigma_larger_and_leaves_the_warps(recording):
 
 
 def test_a_part_is_sensed_as_within_the_whole(recording):
-    warps, depths = replay_from_frames(recording, recording.rig, Window.of(recording, 0.5, 0.7))
+    warps, depths, _ = replay_from_frames(recording, recording.rig, Window.of(recording, 0.5, 0.7))
     assert 10 < warps.steps < 15
     assert warps.different == depths.different == []
 
@@ -117,7 +117,7 @@ def test_a_frame_that_was_not_kept_ends_what_can_be_sensed(session, tmp_path, mo
         with pytest.raises(InputError, match=f"the frame of step {missing} .* was not kept"):
             replay_from_frames(opened, opened.rig, Window.of(opened))
         before_s = 1e-9 * float(opened.steps["time_ns"][19] - opened.steps["time_ns"][0])
-        warps, _ = replay_from_frames(opened, opened.rig, Window.of(opened, None, before_s + 1e-6))
+        warps, *_ = replay_from_frames(opened, opened.rig, Window.of(opened, None, before_s + 1e-6))
     assert warps.different == []
 
 
@@ -139,7 +139,7 @@ def test_what_is_damaged_ends_what_can_be_sensed_and_is_not_called_unkept(sessio
     # up to where it says, it can
     found = re.search(r"--to ([0-9.]+)", str(caught.value))
     with Recording(path) as opened:
-        warps, _ = replay_from_frames(opened, opened.rig, Window.of(opened, None, float(found[1])))
+        warps, *_ = replay_from_frames(opened, opened.rig, Window.of(opened, None, float(found[1])))
     assert warps.steps > 15
     assert warps.different == []
 
@@ -156,6 +156,6 @@ def test_where_the_first_picture_is_damaged_nothing_can_be_sensed(damaged):
 def test_recorded_warps_that_are_damaged_are_no_difference(session, damaged):
     step = list(session.readings)[4]
     with Recording(damaged("warps/measured/q", step)) as opened, pytest.warns(DamagedWarning):
-        warps, _ = replay_from_frames(opened, opened.rig, Window.of(opened, None, 0.4))
+        warps, *_ = replay_from_frames(opened, opened.rig, Window.of(opened, None, 0.4))
     assert warps.figures["warps_damaged"] == 1
     assert warps.different == []

@@ -14,9 +14,12 @@ const POINT = {
 
 export class DepthPanel {
   constructor() {
-    this.scales = { depth: new Scale(2), sigma: new Scale(0.02, true) };
+    this.scales = {
+      depth: new Scale(2), sigma: new Scale(0.02, true), fine_depth: new Scale(0.2), fine_sigma: new Scale(0.002, true),
+    };
     this.view = new MapView($("depth-canvas"), $("depth-bar"), DEPTH, this.scales.depth, { name: "mm", factor: 1e-3 });
     this.surface = this.sigma = this.place = null;
+    this.pixels = { depth: null, sigma: null }; // the same on every pixel, each as of its `time_s`
     this.line = null; // two nodes, [column, row] each
     this.placed = false;
     this.probe = null;
@@ -39,6 +42,15 @@ export class DepthPanel {
     return $("map-kind").value;
   }
 
+  get fine() {
+    return $("every-pixel").getAttribute("aria-pressed") === "true" && !$("every-pixel").hidden;
+  }
+
+  // Part to ask for: a newer map on every pixel, where it is looked at. newest_s: time of the newest there is.
+  wants(newest_s) {
+    return this.fine && this.pixels[this.kind]?.time_s !== newest_s ? [this.kind === "sigma" ? "fine_sigma" : "fine"] : [];
+  }
+
   listen() {
     const canvas = this.view.canvas;
     let grip = -1, moved = false;
@@ -52,17 +64,19 @@ export class DepthPanel {
       if (!event.buttons || !this.surface || !this.line) return;
       moved = true;
       if (grip >= 0) {
-        this.line[grip] = this.view.node(event);
+        this.line[grip] = this.view.node(event, this.surface);
         this.placed = true;
       }
       this.paint();
     });
     canvas.addEventListener("pointerup", (event) => {
-      if (this.surface && grip < 0 && !moved) this.choose(this.view.node(event).map(Math.round));
+      if (this.surface && grip < 0 && !moved) this.choose(this.view.node(event, this.surface).map(Math.round));
       grip = -1;
     });
     $("point-kind").addEventListener("change", () => this.paintPoint());
-    for (const id of ["map-kind", "contours"]) $(id).addEventListener("change", () => this.show());
+    $("contours").addEventListener("change", () => this.show());
+    $("map-kind").addEventListener("change", () => this.choosePixels(this.fine));
+    $("every-pixel").addEventListener("click", () => this.choosePixels(!this.fine));
     $("hold-scale").addEventListener("click", () => this.holdScale());
   }
 
@@ -70,6 +84,14 @@ export class DepthPanel {
     const held = !this.scales.depth.held;
     for (const scale of Object.values(this.scales)) scale.held = held;
     $("hold-scale").setAttribute("aria-pressed", held);
+  }
+
+  // What was not looked at meanwhile is not of now: it is asked for again.
+  choosePixels(on) {
+    $("every-pixel").setAttribute("aria-pressed", on);
+    this.pixels = { depth: null, sigma: null };
+    this.show();
+    this.paint();
   }
 
   choose(node) {
@@ -89,7 +111,7 @@ export class DepthPanel {
   gripAt(event) {
     const box = this.view.canvas.getBoundingClientRect(), scale = this.view.canvas.width / box.width;
     return (this.line ?? []).findIndex((end) => {
-      const [x, y] = this.view.onCanvas(end);
+      const [x, y] = this.view.onCanvas(end, this.surface);
       return Math.hypot(x / scale - (event.clientX - box.left), y / scale - (event.clientY - box.top)) < GRIP_PX;
     });
   }
@@ -107,17 +129,22 @@ export class DepthPanel {
       const row = (this.surface.peak_node ?? [0, rows / 2])[1];
       this.line = [[0.08 * columns, row], [0.92 * columns, row]];
     }
-    if (parts.surface) {
-      const carried = this.surface.kind.some((kind) => kind === 2 || kind === 3);
-      $("kinds-note").textContent = carried ? "hatched: not measured there" : "";
-      this.show();
+    for (const [kind, part] of [["depth", parts.fine], ["sigma", parts.fine_sigma]]) {
+      if (part) this.pixels[kind] = { ...part, values: part.maps[kind].values, key: `${kind} ${part.time_s}`, ...part.lattice };
     }
+    const carried = !this.fine && this.surface?.kind.some((kind) => kind === 2 || kind === 3);
+    $("kinds-note").textContent = carried ? "hatched: not measured there" : "";
+    if (this.fine ? parts.fine || parts.fine_sigma : parts.surface) this.show();
+    else if (parts.surface) this.paint();
   }
 
   show() {
-    const map = this.kind === "sigma" ? this.sigma : this.surface;
-    if (!map) return;
-    const scale = this.scales[this.kind];
+    const map = this.fine ? this.pixels[this.kind] : this.kind === "sigma" ? this.sigma : this.surface;
+    if (!map) {
+      if (this.fine) this.view.lattice = null; // the nodes must not pass for it
+      return;
+    }
+    const scale = this.scales[this.fine ? `fine_${this.kind}` : this.kind];
     scale.follow(map.values);
     this.view.scale = scale;
     this.view.colours = this.kind === "sigma" ? SMALL : DEPTH;
@@ -129,9 +156,10 @@ export class DepthPanel {
   paint() {
     this.view.paint($("contours").checked);
     if (!this.surface || !this.view.at) return;
+    const nodes = this.surface, peak = this.fine ? this.pixels[this.kind] : nodes;
     const context = this.view.canvas.getContext("2d"), scale = this.view.canvas.width / this.view.canvas.clientWidth;
     if (this.line) {
-      const [a, b] = this.line.map((end) => this.view.onCanvas(end));
+      const [a, b] = this.line.map((end) => this.view.onCanvas(end, nodes));
       for (const [colour, width] of [["#000", 3.5], ["#fff", 1.5]]) {
         context.strokeStyle = colour;
         context.lineWidth = width * scale;
@@ -153,8 +181,8 @@ export class DepthPanel {
       }
       context.textAlign = "left";
     }
-    if (this.surface.peak_node) this.mark(context, this.surface.peak_node, "peak", scale);
-    if (this.probe) this.mark(context, this.probe, "point", scale);
+    if (peak?.peak_node) this.mark(context, this.view.onCanvas(peak.peak_node, peak), "peak", scale);
+    if (this.probe) this.mark(context, this.view.onCanvas(this.probe, nodes), "point", scale);
     const now = performance.now();
     if (now - (this.sectioned ?? 0) > 200 || this.placed !== this.sectionedAt) {
       this.sectioned = now;
@@ -163,8 +191,8 @@ export class DepthPanel {
     }
   }
 
-  mark(context, node, words, scale) {
-    const [x, y] = this.view.onCanvas(node), arm = 6 * scale;
+  mark(context, [x, y], words, scale) {
+    const arm = 6 * scale;
     context.strokeStyle = "#fff";
     context.lineWidth = 2 * scale;
     context.strokeRect(x - arm / 2, y - arm / 2, arm, arm);

@@ -9,7 +9,7 @@ import { Link } from "/static/link.js";
 import * as lists from "/static/lists.js";
 import { recolour } from "/static/plots.js";
 import { SolidPanel } from "/static/solid.js";
-import { lasting, showState, showFigures, stale } from "/static/state.js";
+import { lasting, showState, showFigures, showFine, stale } from "/static/state.js";
 import { Timeline } from "/static/timeline.js";
 
 const $ = (id) => document.getElementById(id);
@@ -37,7 +37,8 @@ function wanted() {
   if (visible("depth")) {
     next.push("surface");
     if (due("place")) next.push("place");
-    if ((depth.kind === "sigma" || !$("section-plot").hidden) && due("sigma")) next.push("sigma");
+    next.push(...depth.wants(page.values.fine_time_s));
+    if (((depth.kind === "sigma" && !depth.fine) || !$("section-plot").hidden) && due("sigma")) next.push("sigma");
   }
   if ((visible("residual-tab") || $("show-mask").checked) && due("residual")) next.push("residual");
   if (visible("lcd-tab") && due("lcd")) next.push("lcd");
@@ -116,6 +117,7 @@ function paint(values) {
   [painted, stated, waiting] = [now, steady.state, null];
   showState(steady, camera.time);
   showFigures(values);
+  showFine(values, depth.fine, depth.pixels[depth.kind]?.time_s);
   showLatency(values);
   controls.show(values);
   guide.show(values);

@@ -72,7 +72,7 @@ export class MapView {
   }
 
   // lattice: { shape, values, first: [u, v], spacing, image: [columns, rows] }, and where there are any, `kind`:
-  // nodes that were not measured themselves are hatched
+  // nodes that were not measured themselves are hatched; `key`: contours are drawn again when it changes
   show(lattice) {
     this.lattice = lattice;
     this.image = lattice.image;
@@ -112,7 +112,7 @@ export class MapView {
       cell * shape[1], cell * shape[0],
     );
     if (withContours) {
-      this.lines.onto(context, Math.floor(performance.now() / CONTOURS_MS), (layer) => this.contours(layer, scale));
+      this.lines.onto(context, this.lattice.key ?? Math.floor(performance.now() / CONTOURS_MS), (layer) => this.contours(layer, scale));
     }
     context.restore();
     this.paintBar(withContours);
@@ -157,15 +157,13 @@ export class MapView {
     context.stroke();
   }
 
-  onCanvas([column, row]) {
-    const { first, spacing } = this.lattice;
+  onCanvas([column, row], { first, spacing } = this.lattice) {
     return [this.at.left + this.at.zoom * (first[0] + spacing * column), this.at.top + this.at.zoom * (first[1] + spacing * row)];
   }
 
-  // (column, row) of the lattice, fractions allowed, of a place on the screen
-  node(event) {
+  // (column, row) of a lattice, fractions allowed, of a place on the screen
+  node(event, { first, spacing } = this.lattice) {
     const box = this.canvas.getBoundingClientRect(), scale = this.canvas.width / box.width;
-    const { first, spacing } = this.lattice;
     const u = ((event.clientX - box.left) * scale - this.at.left) / this.at.zoom;
     const v = ((event.clientY - box.top) * scale - this.at.top) / this.at.zoom;
     return [(u - first[0]) / spacing, (v - first[1]) / spacing];

@@ -10,7 +10,7 @@ const LOOKS = {
 };
 
 const FLASH_S = 0.3, OLD_S = 0.5;
-let since = null, steady = null;
+let since = null, steady = null, fineDoubt = "";
 
 // A single frame that may not be used comes now and then: what lasts less than 0.3 s is not shown.
 function lasting(values) {
@@ -36,15 +36,38 @@ export function showState(values, pictureS) {
   for (const badge of document.querySelectorAll(".badge")) {
     const ofDepth = doubt || (values.calibrated === false ? "relative: not calibrated" : "");
     const words = badge.closest("#camera") ? (old ? `picture of ${pictureS.toFixed(1)} s` : "") : ofDepth;
-    badge.hidden = words === "";
-    badge.textContent = words;
+    label(badge, words);
   }
+}
+
+function label(badge, words) {
+  badge.hidden = words === "";
+  badge.textContent = words;
+}
+
+// Of the map on every pixel. looked: it is looked at. pictureS: its time, null where none has come yet
+export function showFine(values, looked, pictureS) {
+  $("every-pixel").hidden = values.fine_time_s == null;
+  const fine = looked && values.fine_time_s != null, panel = $("depth");
+  // what is still on the screen is no better than what it was when it came
+  const newest = pictureS === values.fine_time_s || values.fine_doubt !== "";
+  if (fine && newest) fineDoubt = values.fine_doubt;
+  panel.classList.toggle("doubted", fine && fineDoubt !== "" && values.state !== "paused");
+  if (!fine) {
+    set("depth-note", values.peak_where ? `peak ${values.peak_where}` : "");
+    return;
+  }
+  label(panel.querySelector(".badge"), fineDoubt || (values.calibrated === false ? "relative: not calibrated" : ""));
+  const peak = values.fine_peak_mm == null ? "" : `peak ${um(values.fine_peak_mm, values.fine_peak_sigma_mm)}, `;
+  const ago = `read ${(values.time_s - pictureS).toFixed(1)} s ago`;
+  set("depth-note", pictureS == null ? "every pixel: none of this moment yet" : `every pixel: ${peak}${ago}`);
 }
 
 const set = (id, text) => {
   if ($(id).textContent !== text) $(id).textContent = text;
 };
 const digits = (value, sigma) => (sigma > 0 ? Math.max(0, Math.min(3, -Math.floor(Math.log10(sigma)))) : 2);
+const um = (mm, sigma) => `${(1e3 * mm).toFixed(3)}${sigma == null ? "" : ` ± ${(1e3 * sigma).toFixed(3)}`} µm`;
 const fixed = (value, n) => (value == null ? "–" : value.toFixed(n));
 
 export function showFigures(values) {
@@ -62,7 +85,6 @@ export function showFigures(values) {
   set("rate", fixed(values.loop_rate_hz, 1));
   set("delay", fixed(values.delay_ms, 1));
   set("dropped", values.dropped == null ? "–" : String(values.dropped));
-  set("depth-note", values.peak_where ? `peak ${values.peak_where}` : "");
 }
 
 export { lasting };

@@ -21,6 +21,7 @@ from zeromethod.optics import Optics
 from zeromethod.recording.recording import Recording
 from zeromethod.rig.model import Rig
 from zeromethod.session.replay.differences import DepthDifferences, Figures, Spread, same
+from zeromethod.session.replay.fine import FineDifferences, FineReplay
 from zeromethod.session.replay.from_warps import Reader, grid_for
 from zeromethod.session.replay.window import Pace, Window
 from zeromethod.warp.warp import Warp
@@ -127,8 +128,8 @@ def replay_from_frames(
     *,
     speed: float | None = None,
     on_step: Callable[[float], None] | None = None,
-) -> tuple[WarpDifferences, DepthDifferences]:
-    """Process every frame that the session sensed, and read depth where it read it.
+) -> tuple[WarpDifferences, DepthDifferences, FineDifferences]:
+    """Process every frame that the session sensed, and read depth where it read it, fine surfaces, too.
 
     rig: the recording's, or with other settings. What was shown and when stays as recorded, and so does the
     reference frame of brightness. Steps before the window are processed too but not compared. on_step gets
@@ -141,6 +142,7 @@ def replay_from_frames(
     reader = Reader(recording, rig, parts.rest.grid)
     read = frozenset(recording.peaks["step"].tolist())
     warps, depths = WarpDifferences(recording), DepthDifferences(recording, window.start_ns)
+    fine = FineReplay(recording, rig, parts.rest.grid)
     pace = Pace(speed)
     for row, taken in _taken(recording, parts.circle, window):
         inside = int(row["time_ns"]) in window
@@ -154,11 +156,12 @@ def replay_from_frames(
             surface, deepest = reader.read(step, measured)
             if inside:
                 depths.add(step, surface, deepest)
+        fine.add(row, taken, measured, inside)
         if on_step is not None:
             on_step(1e-9 * (int(row["time_ns"]) - window.start_ns))
     if not warps.steps:
         raise InputError(f"{recording.path}: no frame was sensed in this part: there is nothing to replay")
-    return warps, depths
+    return warps, depths, fine.differences
 
 
 def _taken(recording: Recording, circle: Circle, window: Window) -> Iterator[tuple[Any, FrameResult]]:

@@ -89,8 +89,11 @@ def replay(
     if mode == "from-warps":
         depths = replay_from_warps(recording, bench, window, speed=speed)
         return found | {"equal": not depths.different, **depths.figures}
-    warps, depths = replay_from_frames(recording, bench, window, speed=speed)
-    return found | {"equal": not (depths.different or warps.different), **depths.figures, **warps.figures}
+    parts = replay_from_frames(recording, bench, window, speed=speed)
+    found["equal"] = not any(one.different for one in parts)
+    for one in parts:
+        found |= one.figures
+    return found
 
 
 def _sessions(
