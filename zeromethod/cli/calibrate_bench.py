@@ -39,6 +39,7 @@ from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
 from zeromethod.thread_limits import limit_threads
 from zeromethod.view.calibration_table import (
+    carrier_line,
     depth_line,
     difference_table,
     figure_table,
@@ -274,6 +275,8 @@ def _print(console: Console, stored: Stored, summary: Path | None) -> None:
     console.print(figure_table(stored))
     console.print(depth_line(stored), soft_wrap=True)
     console.print(verdict_line(stored), soft_wrap=True)
+    if stored.level is not Level.BAD and (carrier := carrier_line(stored)):
+        console.print(f"{carrier} ([target] period_px; then calibrate again)", soft_wrap=True, markup=False)
     if warning := stored.age_warning():
         console.print(f"! {warning}", soft_wrap=True)
     if summary is not None:

@@ -48,7 +48,7 @@ def assess_rig(
     Returns
     -------
     dict
-        "tir", "regions", "presses", "resolution", "noise", "delay", "view", "motion",
+        "tir", "regions", "presses", "resolution", "noise", "carrier", "delay", "view", "motion",
         "warnings" and "vary".
 
     Raises

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from zeromethod.design.carrier import carrier_figures
 from zeromethod.design.delay_budget import delay_budget, total_s
 from zeromethod.design.lever import (
     camera_px_per_mrad,
@@ -47,13 +48,15 @@ def design_figures(
     """Everything but stability. `on_press` is called after each press, len(kinds) x regions times."""
     budget = delay_budget(view, computing_s)
     total = total_s(budget)
+    noise = noise_floor(view)
     return {
         "rig": view.rig.name,
         "tir": _tir(view),
         "regions": _regions(view),
         "presses": _presses(view, kinds, on_press),
         "resolution": resolution(view, pupil_mm),
-        "noise": noise_floor(view),
+        "noise": noise,
+        "carrier": carrier_figures(view, noise["depth_rms_nm"]),
         "delay": {
             "steps": [asdict(step) for step in budget],
             "mean_s": total.mean_s,

@@ -42,6 +42,14 @@ GAUSSIAN_RING = 2.0 * np.exp(-1.5)
 """Largest concave curvature of a Gaussian, on the ring at sqrt(3) sigma, in units of depth / sigma^2."""
 
 
+def bending(view: SampledView) -> Float:
+    """1 / curvature of depth at which the node folds, by its direction: e' b e, (rows, cols, 2, 2), mm."""
+    by_point = view.lcd_per_camera @ inverse(view.mirror_per_camera)
+    whole = -inverse(by_point) @ view.sensitivity
+    result: Float = 0.5 * (whole + np.swapaxes(whole, -1, -2))
+    return result
+
+
 def largest_curvature_per_mm(view: SampledView) -> Float:
     """Curvature of depth, in its worst direction, at which the node folds, (rows, cols), 1/mm.
 
@@ -51,11 +59,9 @@ def largest_curvature_per_mm(view: SampledView) -> Float:
     as long as if it were all in rubber. Curvature counts as positive where the mirror is concave towards
     the rubber (the ring round a dent). Infinite where no such curvature folds.
     """
-    by_point = view.lcd_per_camera @ inverse(view.mirror_per_camera)
-    bending = -inverse(by_point) @ view.sensitivity
-    known: Mask = np.asarray(np.isfinite(bending).all(axis=(-1, -2)))
-    symmetric = np.where(known[..., None, None], 0.5 * (bending + np.swapaxes(bending, -1, -2)), 0.0)
-    largest = np.linalg.eigvalsh(symmetric)[..., -1]
+    bends = bending(view)
+    known: Mask = np.asarray(np.isfinite(bends).all(axis=(-1, -2)))
+    largest = np.linalg.eigvalsh(np.where(known[..., None, None], bends, 0.0))[..., -1]
     with np.errstate(divide="ignore"):
         result = np.where(largest > 0.0, 1.0 / largest, np.inf)
     return np.where(known & view.on_lcd, result, np.nan)

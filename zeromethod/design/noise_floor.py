@@ -66,6 +66,14 @@ def contrast(rig: Rig) -> Contrast:
     )
 
 
+def drawn_share(view: SampledView) -> Float:
+    """Share of the carrier's amplitude that the LCD's lit apertures leave, mean of u and v, (rows, cols)."""
+    per_lcd = inverse(view.lcd_per_camera) / view.rig.target.period_px  # cycles per LCD px of u, of v
+    fill = np.array(view.rig.display.fill_factor)
+    result: Float = np.mean(np.prod(np.sinc(per_lcd * fill), axis=-1), axis=-1)
+    return result
+
+
 def displacement_sigma_px(view: SampledView) -> Float:
     """Standard deviation of one frame's displacement along u or v, (rows, cols), camera px.
 
@@ -80,7 +88,7 @@ def displacement_sigma_px(view: SampledView) -> Float:
     variance = noise.read_grey**2 + 1 / 12 + (image.mean * light / electrons if electrons else 0.0)
     weight = carrier_power(rig.target.period_px)[0]
     with np.errstate(divide="ignore", invalid="ignore"):
-        result: Float = weight * np.sqrt(variance) / (image.gradient * light)
+        result: Float = weight * np.sqrt(variance) / (image.gradient * light * drawn_share(view))
     return result
 
 

@@ -37,6 +37,11 @@ def depth_line(stored: Stored) -> str:
     )
 
 
+def carrier_line(stored: Stored) -> str:
+    """What another period of the carrier would bring, in words; empty where the present one is as good."""
+    return str(stored.document.get("carrier", {}).get("words", ""))
+
+
 def parameter_table(stored: Stored) -> Table:
     """Every parameter: as the rig file had it, as found, and how well it is known."""
     entries = stored.document["parameters"].values()

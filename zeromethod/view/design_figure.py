@@ -45,9 +45,10 @@ def draw_design(view: SampledView, figures: dict[str, Any], path: Path) -> None:
             _bench(axis, view, rays)
         _label_whole(whole, view, rays)
         _label_near(near, view, figures)
-        maps = grid[1].subgridspec(1, 4)
+        maps = grid[1].subgridspec(1, 5)
         for k, (title, unit, values) in enumerate(_maps(view, figures)):
             _map(figure.add_subplot(maps[0, k]), view, values, title, unit)
+        _carrier(figure.add_subplot(maps[0, 4]), figures["carrier"])
 
 
 def _title(figures: dict[str, Any]) -> str:
@@ -215,6 +216,24 @@ def _maps(view: SampledView, figures: dict[str, Any]) -> list[tuple[str, str, Fl
         ("depth, along x", "nm per camera px", depth_nm_per_px(view)[..., 0]),
         (f"press {press['press']} mm: deepest nulled", "µm", 1e3 * nulled_mm(view, press["limits"])),
     ]  # fmt: skip
+
+
+def _carrier(axis: Axes, found: dict[str, Any]) -> None:
+    """Noise and what the LCD can draw, by the carrier's period."""
+    periods, depth, drawn = (
+        [row[key] for row in found["curve"]] for key in ("period_px", "depth_rms_nm", "drawn_share")
+    )
+    axis.set_title("period of the carrier")
+    axis.set_xlabel("camera px")
+    axis.set_ylabel("noise of depth, one frame, nm", color="#2a7fbf")
+    axis.plot(periods, depth, "o-", color="#2a7fbf", markersize=3)
+    axis.axvline(found["present_px"], color="0.6", linestyle=":")
+    axis.axvline(found["advised_px"], color="black", linestyle="--")
+    share = axis.twinx()
+    share.plot(periods, drawn, "o-", color="#b03060", markersize=3)
+    share.axhline(found["wanted_share"], color="#b03060", linewidth=0.6)
+    share.set_ylim(0.0, 1.0)
+    share.set_ylabel("bend that is nulled, share of fold", color="#b03060")
 
 
 def _map(axis: Axes, view: SampledView, values: Float, title: str, unit: str) -> None:

@@ -49,9 +49,13 @@ def design_table(figures: Figures, warnings: list[str]) -> Group:
         *_view_rows(figures["view"]),
         *_resolution_rows(figures["resolution"]),
         *_noise_rows(figures["noise"]),
+        ("best period of the carrier", _best_period(figures["carrier"])),
         *_delay_rows(figures["delay"]),
     )
-    tables = *_margins(figures), *_levers(figures), *_presses(figures), *_motions(figures["motion"])
+    tables = (
+        *(*_margins(figures), *_levers(figures), *_presses(figures)),
+        *(*_carriers(figures["carrier"]), *_motions(figures["motion"])),
+    )
     return Group(*parts, *tables, pair_table(whole))
 
 
@@ -106,6 +110,35 @@ def _presses(figures: Figures) -> list[RenderableType]:
         rows.append((press["press"], *cells, ", ".join(sorted({one["because"] for one in limits} - {""}))))
     title = "Deepest press that can be nulled whole, µm (folds at, loses total reflection at)"
     return titled(title, text_table(("press, mm", *places, "ended by"), rows, left=()))
+
+
+def _carriers(found: Figures) -> list[RenderableType]:
+    marks = {found["present_px"]: " now", found["advised_px"]: " best"}
+    rows = (
+        (
+            f"{row['period_px']}{marks.get(row['period_px'], '')}",
+            f"{row['lcd_px']:.1f}",
+            f"{row['modulation']:.3f}",
+            f"{row['displacement_px']:.4f}",
+            ", ".join(f"{one:.2f}" for one in row["slope_urad"]),
+            cell(row["depth_rms_nm"], "{:.3g}"),
+            f"{row['drawn_share']:.1%}",
+            cell(row["bend_radius_mm"], "{:.0f}"),
+            f"{row['tilt_mrad']:.2f}",
+        )
+        for row in found["curve"]
+    )
+    heads = (
+        "period\ncamera px", "at rest\nLCD px", "modulation", "noise\ncamera px", "slope, µrad\nx, y",
+        "depth\nnm", "nulled, share\nof fold", "sharpest bend\nradius, mm", "tilt in a\nframe, mrad",
+    )  # fmt: skip
+    return titled("Period of the carrier: noise of one frame, and limits", text_table(heads, rows, left=()))
+
+
+def _best_period(found: Figures) -> str:
+    share = f"{found['wanted_share']:.0%} of the fold limit"
+    why = f"the least that the LCD can draw up to {share}" if found["because"] == "LCD" else "least noise"
+    return f"{found['advised_px']} camera px (now {found['present_px']}): {why}"
 
 
 def _motions(motion: Figures) -> list[RenderableType]:

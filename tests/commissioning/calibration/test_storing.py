@@ -70,6 +70,10 @@ def test_document_states_parameters_presses_and_verdict(stored, calibration):
     assert document["verdict"]["level"] == calibration.verdict.level
     assert [press["depth_mm"] for press in document["press"]] == list(DEPTHS_MM)
     assert document["depth_error"]["percent"] == pytest.approx(calibration.depth_percent, rel=1e-6)
+    kept, found = (
+        [row["depth_rms_nm"] for row in one["curve"]] for one in (document["carrier"], calibration.carrier)
+    )
+    assert kept == pytest.approx(found, rel=1e-6)
 
 
 def test_newest_and_own_calibration_are_found(stored, rig_file):

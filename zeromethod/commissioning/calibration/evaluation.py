@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,7 @@ from zeromethod.calibration import (
 )
 from zeromethod.calibration.edges import EdgeSearch, find_edges
 from zeromethod.calibration.level import Level
+from zeromethod.commissioning.calibration.carrier import advised_carrier
 from zeromethod.commissioning.calibration.first_fit import (
     first_fit,
     rest_measurements,
@@ -112,6 +114,11 @@ class Calibration:
     def depth_percent(self) -> float:
         """Depth's standard deviation by geometry, percent, rms over the regions."""
         return float(np.sqrt(np.mean(self.error.percent**2)))
+
+    @cached_property
+    def carrier(self) -> dict[str, Any] | None:
+        """Best period of the carrier by what was measured, with the curve; None where nothing is seen."""
+        return advised_carrier(self.fitted.rig, self.rest, self.recorded.rest, self.recorded.settling)
 
     @property
     def values(self) -> dict[str, Any]:

@@ -206,6 +206,8 @@ def document_of(found: Calibration) -> dict[str, Any]:
         "settling": asdict(recorded.settling),
         "shortfall": [asdict(one) for one in recorded.shortfalls],
     }
+    if found.carrier is not None:
+        document["carrier"] = found.carrier
     if recorded.delay is not None:
         document["delay"] = _table(recorded.delay, *_DELAY)
     if recorded.panel is not None:
