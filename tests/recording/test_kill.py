@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from zeromethod.recording.recorder import frames_in
+from zeromethod.recording.frames_in import frames_in
 from zeromethod.recording.recording import Recording
 
 LINES = range(3, 1003, 40)

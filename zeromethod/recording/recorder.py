@@ -5,27 +5,23 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from contextlib import AbstractContextManager
 from pathlib import Path
-
-import numpy as np
 
 from zeromethod.errors import InputError
 from zeromethod.fine.lattice import pixel_box
 from zeromethod.loop.step import Step
 from zeromethod.recording.checksums import CHECKSUMS
 from zeromethod.recording.file import about, create, discard, rest_arrays, rig_text
+from zeromethod.recording.frames_in import frames_in
 from zeromethod.recording.line import Line
 from zeromethod.recording.message import Topic, Write
-from zeromethod.recording.rows import Rows, WaitingFine, WaitingReading, WaitingStep, without_arrays
-from zeromethod.recording.schema import KEEP, number_name, parts
-from zeromethod.recording.source import RecordingFile
+from zeromethod.recording.rows import Rows, Waiting, WaitingFine, WaitingReading, WaitingStep, without_arrays
+from zeromethod.recording.schema import KEEP, parts
 from zeromethod.recording.status import Condition, RecorderStatus
 from zeromethod.rig.model import Rig
 from zeromethod.warp.rest import Rest
-
-Waiting = WaitingStep | WaitingReading | WaitingFine
 
 WAITING_BYTES = 512 << 20
 """Arrays that may wait for the disk: two seconds of everything at 1280x1024 and 60 frames per second."""
@@ -73,9 +69,8 @@ class Recorder(AbstractContextManager["Recorder"]):
 
         keep: of `KEEP`. every: keep the arrays of every so many-th step. calibration: text of its document.
         compress: arrays, without loss; reading them then needs hdf5plugin. fine: there will be fine surfaces,
-        which are kept all, at whatever `every`. waiting_bytes: arrays that may
-        wait for the disk. Raises InputError, one line: the file is there already or cannot be created, other
-        names in `keep`.
+        which are kept all, at whatever `every`. waiting_bytes: arrays that may wait for the disk.
+        Raises InputError, one line: the file is there already or cannot be created, other names in `keep`.
         """
         unknown = sorted(set(keep) - set(KEEP))
         if unknown:
@@ -192,19 +187,18 @@ class Recorder(AbstractContextManager["Recorder"]):
 
     def add_reading(self, step: Step) -> None:
         """Record the surface and the peak of a step."""
-        with self._changed:
-            if self._closing or self._failed or len(self._queue) >= WAITING_STEPS:
-                return
-            size, _ = self._room(self._reading_bytes if self._wants(step.number) else 0)
-            self._put(WaitingReading(step, size))
+        self._add(WaitingReading, step, self._reading_bytes if self._wants(step.number) else 0)
 
     def add_fine(self, step: Step) -> None:
         """Record a step's fine surface, `step.fine`, of a recorder made for such."""
+        self._add(WaitingFine, step, self._fine_bytes)
+
+    def _add(self, kind: type[WaitingReading | WaitingFine], step: Step, size: int) -> None:
         with self._changed:
             if self._closing or self._failed or len(self._queue) >= WAITING_STEPS:
                 return
-            size, _ = self._room(self._fine_bytes)
-            self._put(WaitingFine(step, size))
+            size, _ = self._room(size)
+            self._put(kind(step, size))
 
     def _room(self, size: int) -> tuple[int, bool]:
         """Bytes of arrays that may wait: `size`, or 0; and whether that is for want of room.
@@ -333,29 +327,3 @@ class Recorder(AbstractContextManager["Recorder"]):
             return None
         self._noted = status
         return status.note
-
-
-def frames_in(path: Path, wanted: Callable[[int], bool]) -> int | None:
-    """Frames that are in a file: in its table of steps, and with their arrays where `wanted`.
-
-    None where it cannot be read.
-    """
-    try:
-        source = RecordingFile(path)
-    except InputError:
-        return None
-    try:
-        with source.silence():
-            steps = source.rows("steps")
-        numbers = steps["number"][steps["frame_number"] >= 0]
-        # one of these has an item for every frame
-        groups = [group for group in ("warps/commanded", "frames") if number_name(group) in source.names]
-        if not groups:
-            return len(numbers)
-        length = min(source.length(name) for name in source.group(groups[0]))
-        kept = np.isin(numbers, source.table(number_name(groups[0]))[:length])
-        return sum(bool(there) or not wanted(int(one)) for one, there in zip(numbers, kept, strict=True))
-    except InputError:
-        return None
-    finally:
-        source.close()

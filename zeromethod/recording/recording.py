@@ -22,18 +22,18 @@ from zeromethod.loop.events import Event
 from zeromethod.loop.state import State
 from zeromethod.recording.attributes import checked_attributes
 from zeromethod.recording.contact_images import images
-from zeromethod.recording.damage import contrary_peaks, unknown_surface
+from zeromethod.recording.damage import contrary_peaks
 from zeromethod.recording.growing import COMPLETE
 from zeromethod.recording.opening import Refusal, RefusedRecording
-from zeromethod.recording.rows import FINE_PIXELS
 from zeromethod.recording.schema import EVENTS, STATES
 from zeromethod.recording.source import RecordingFile
 from zeromethod.recording.step_index import StepIndex
+from zeromethod.recording.surfaces import fine_surface, node_surface
 from zeromethod.recording.tables import Tables
 from zeromethod.rig.load import parse_rig
 from zeromethod.rig.model import Rig
 from zeromethod.sensing.residual import Residual
-from zeromethod.surface import Anchor, Surface
+from zeromethod.surface import Surface
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.rest import Rest
 from zeromethod.warp.rest_pixels import RestGrid
@@ -304,63 +304,18 @@ class Recording(AbstractContextManager["Recording"]):
 
     def surface(self, step: int) -> Surface | None:
         """Slope and depth that were read from the step, in single precision."""
-        return self._nodes("surface", step)
+        return node_surface(self, self._index, "surface", step)
 
     def fine(self, step: int) -> FineSurface | None:
-        """Slope and depth on every pixel, as read from the frames up to a step, in single precision.
+        """Slope and depth on every pixel, read from the frames up to a step, in single precision.
 
-        Parameters
-        ----------
-        step : int
-            Number of the step; `steps_with("fine")` are those that have one.
-
-        Returns
-        -------
-        FineSurface or None
-            None where none was read or kept, or where it is damaged.
+        None where none was read or kept, or where it is damaged. `steps_with("fine")` are those with one.
         """
-        names = (*FINE_PIXELS, "x_mm", "y_mm", "share")
-        found = self._index.arrays("fine", step, *names, "table")
-        nodes = self._nodes("fine_nodes", step)
-        if found is None or nodes is None:
-            return None
-        *maps, about = found
-        values = dict(zip(names, maps, strict=True))
-        lattice = self._lattice
-        for name in ("x_mm", "y_mm"):
-            values[name] = lattice.to_pixels_exact(values[name].astype(np.float64)).astype(np.float32)
-        values["share"] = np.clip(lattice.to_pixels(values["share"].astype(np.float64)), 0.0, 1.0)
-        return FineSurface(
-            **values,
-            valid=np.isfinite(values["depth_mm"]),
-            first_px=(int(about["first_row"]), int(about["first_col"])),
-            time_ns=nodes.time_ns,
-            frames=int(about["frames"]),
-            coarse=nodes,
-            footprint_divided=bool(about["footprint_divided"]),
-            spacing_px=self.grid.spacing_px,
-        )
+        return fine_surface(self, self._index, self._lattice, step)
 
     @cached_property
     def _lattice(self) -> PixelLattice:
         return PixelLattice(self.grid)
-
-    def _nodes(self, group: str, step: int) -> Surface | None:
-        """Surface at the nodes, of the group "surface" or "fine_nodes"."""
-        names = ("depth_mm", "slope", "x_mm", "y_mm", "sigma_depth_mm", "sigma_slope")
-        found = self._index.arrays(group, step, *names, "valid", "contact", "anchor", "table")
-        if found is None:
-            if self._index.at(group, step) is None:
-                return None
-            return unknown_surface(self.grid.shape, self.row(step))
-        *floats, valid, contact, mask, about = found
-        values = {name: one.astype(np.float64) for name, one in zip(names, floats, strict=True)}
-        sigma_mm, tail_mm = float(about["anchor_sigma_mm"]), float(about["anchor_tail_mm"])
-        anchor = Anchor(self.tables.anchor(group, int(about["anchor"])), mask, sigma_mm, tail_mm)
-        at_ns, count = int(about["time_ns"]), int(about["iterations"])
-        place = values["x_mm"], values["y_mm"]
-        _, values["sigma_x_mm"], values["sigma_y_mm"] = self.rig.geometry.sigmas(*place)
-        return Surface(**values, valid=valid, contact=contact, anchor=anchor, time_ns=at_ns, iterations=count)
 
     def zero(self, step: int) -> Float | None:
         """(rows, cols, 2) LCD px, the zero from which `measured` of this step starts; None for the rig's."""

@@ -63,6 +63,10 @@ class WaitingFine:
     bytes: int
 
 
+Waiting = WaitingStep | WaitingReading | WaitingFine
+"""What may wait for the disk."""
+
+
 def without_arrays(step: Step) -> Step:
     """A step of which the tables alone are kept."""
     presented = tuple(replace(one, q=step.commanded.q) for one in step.presented)
