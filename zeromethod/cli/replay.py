@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import shlex
 import sys
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -28,11 +27,8 @@ from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
 from zeromethod.session.replay.closed_loop import ClosedLoopReplay, recorded_track, simulated_bench
 from zeromethod.session.replay.comparison import figures_of, rejection
-from zeromethod.session.replay.differences import DepthDifferences
-from zeromethod.session.replay.fine import FineDifferences
-from zeromethod.session.replay.from_frames import WarpDifferences, replay_from_frames
-from zeromethod.session.replay.from_warps import replay_from_warps
 from zeromethod.session.replay.mirror import RecordedMirror
+from zeromethod.session.replay.replay import Mode, evaluated_again
 from zeromethod.session.replay.settings import with_settings
 from zeromethod.session.replay.track import Track
 from zeromethod.session.replay.window import Window
@@ -48,7 +44,7 @@ class _Asked:
     """What was asked for, by the names of the options."""
 
     file: Path
-    mode: str
+    mode: Mode
     settings: tuple[str, ...]
     rig_name: str | None
     loop_gain: float | None
@@ -157,14 +153,9 @@ def _evaluate(asked: _Asked, recording: Recording, window: Window, rig: Rig) -> 
         def on_step(at_s: float) -> None:
             advance(f"{at_s:.2f} s")
 
-        how: dict[str, Any] = {"speed": asked.speed, "on_step": on_step}
-        parts: Sequence[DepthDifferences | WarpDifferences | FineDifferences]
-        if from_warps:
-            parts = (replay_from_warps(recording, rig, window, **how),)
-        else:
-            parts = replay_from_frames(recording, rig, window, **how)
-    figures = {name: value for one in parts for name, value in one.figures.items()}
-    equal = not any(one.different for one in parts)
+        equal, figures = evaluated_again(
+            recording, rig, window, asked.mode, speed=asked.speed, on_step=on_step
+        )
     Console().print(differences_table(figures))
     if asked.figure is not None:
         from zeromethod.view.replay_figure import draw_differences  # noqa: PLC0415 - matplotlib loads slowly

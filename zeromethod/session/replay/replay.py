@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -13,7 +13,9 @@ from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
 from zeromethod.session.replay.closed_loop import ClosedLoopReplay, recorded_track, simulated_bench
 from zeromethod.session.replay.comparison import figures_of
-from zeromethod.session.replay.from_frames import replay_from_frames
+from zeromethod.session.replay.differences import DepthDifferences
+from zeromethod.session.replay.fine import FineDifferences
+from zeromethod.session.replay.from_frames import WarpDifferences, replay_from_frames
 from zeromethod.session.replay.from_warps import replay_from_warps
 from zeromethod.session.replay.mirror import RecordedMirror
 from zeromethod.session.replay.settings import with_settings
@@ -85,15 +87,30 @@ def replay(
         return _sessions(recording, window, given, settings, speed, None if record is None else Path(record))
     bench = with_settings(given, settings)
     check_geometry(bench)
-    found: dict[str, Any] = {"changed": bench != recording.rig}
+    equal, figures = evaluated_again(recording, bench, window, mode, speed=speed)
+    return {"changed": bench != recording.rig, "equal": equal, **figures}
+
+
+def evaluated_again(
+    recording: Recording,
+    rig: Rig,
+    window: Window,
+    mode: Mode,
+    *,
+    speed: float | None = None,
+    on_step: Callable[[float], None] | None = None,
+) -> tuple[bool, dict[str, Any]]:
+    """Whether warps or frames give the same again, bit for bit, and figures of how far they differ.
+
+    mode: "from-warps" or "from-frames". on_step: as `replay_from_frames` takes it.
+    """
+    parts: Sequence[WarpDifferences | DepthDifferences | FineDifferences]
     if mode == "from-warps":
-        depths = replay_from_warps(recording, bench, window, speed=speed)
-        return found | {"equal": not depths.different, **depths.figures}
-    parts = replay_from_frames(recording, bench, window, speed=speed)
-    found["equal"] = not any(one.different for one in parts)
-    for one in parts:
-        found |= one.figures
-    return found
+        parts = (replay_from_warps(recording, rig, window, speed=speed, on_step=on_step),)
+    else:
+        parts = replay_from_frames(recording, rig, window, speed=speed, on_step=on_step)
+    figures = {name: value for one in parts for name, value in one.figures.items()}
+    return not any(one.different for one in parts), figures
 
 
 def _sessions(
