@@ -2,6 +2,7 @@
 
 from zeromethod.contact.contact import Contact, ContactFigures, ContactImage, Probability
 from zeromethod.contact.finder import ContactFinder
+from zeromethod.contact.force import ForceReader, TotalForce
 from zeromethod.contact.lamp import Lamp
 from zeromethod.contact.polygon import closed, evenly
 from zeromethod.contact.stripes import Stripes, stripes
@@ -11,9 +12,11 @@ __all__ = [
     "ContactFigures",
     "ContactFinder",
     "ContactImage",
+    "ForceReader",
     "Lamp",
     "Probability",
     "Stripes",
+    "TotalForce",
     "closed",
     "evenly",
     "stripes",

@@ -71,6 +71,13 @@ class ContactFigures:
     depth_mm, sigma_depth_mm : float
         Depth of the mirror at its deepest inside, carried in from around (`zeromethod.contact.inside`), and
         its standard deviation; NaN where too little was read around it.
+    age_s : float
+        Time since it was first seen. Rubber creeps, which forces do not allow for.
+    force_n, torque_x_nmm, torque_y_nmm : float
+        Force into the rubber, and its torques about x and y through the centroid
+        (`zeromethod.contact.force`); NaN where the rig file does not say how stiff the rubber is, or too little was read.
+    sigma_force_n, sigma_torque_x_nmm, sigma_torque_y_nmm : float
+        Their standard deviations.
     """
 
     id: int
@@ -87,6 +94,13 @@ class ContactFigures:
     scattered: float
     depth_mm: float = math.nan
     sigma_depth_mm: float = math.nan
+    age_s: float = 0.0
+    force_n: float = math.nan
+    sigma_force_n: float = math.nan
+    torque_x_nmm: float = math.nan
+    sigma_torque_x_nmm: float = math.nan
+    torque_y_nmm: float = math.nan
+    sigma_torque_y_nmm: float = math.nan
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)

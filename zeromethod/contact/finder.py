@@ -88,7 +88,7 @@ class ContactFinder:
                 self._rest.add(image, residual)
             return ()
         found = [self._contact(region, surface) for region in self._regions.find(image, residual, self._rest)]
-        return self._track.follow([each for each in found if each is not None])
+        return self._track.follow([each for each in found if each is not None], surface.time_ns)
 
     def carry(
         self, surface: Surface, deepest: Peak, contacts: tuple[Contact, ...]

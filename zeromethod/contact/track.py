@@ -19,6 +19,7 @@ FORGOTTEN_FRAMES = 2
 class _Followed:
     id: int
     last: Contact
+    since_ns: int
     seen: int = 1
     missing: int = 0
 
@@ -34,8 +35,8 @@ class ContactTrack:
         self._followed: list[_Followed] = []
         self._next = 1
 
-    def follow(self, found: Sequence[Contact]) -> tuple[Contact, ...]:
-        """The next frame's contacts that are confirmed, with ids, in the order given."""
+    def follow(self, found: Sequence[Contact], time_ns: int = 0) -> tuple[Contact, ...]:
+        """The next frame's contacts that are confirmed, with ids and ages, in the order given."""
         taken: dict[int, _Followed] = {}
         left = list(self._followed)
         pairs = [(_apart(one.last, new), k, one) for one in left for k, new in enumerate(found)]
@@ -49,14 +50,14 @@ class ContactTrack:
         result = []
         for k, new in enumerate(found):
             if k not in taken:
-                taken[k] = _Followed(0, new, seen=0)
+                taken[k] = _Followed(0, new, time_ns, seen=0)
                 self._followed.append(taken[k])
             followed = taken[k]
             followed.last, followed.seen, followed.missing = new, followed.seen + 1, 0
             if followed.id == 0 and followed.seen >= CONFIRMED_FRAMES:
                 followed.id, self._next = self._next, self._next + 1
             if followed.id:
-                result.append(replace(new, id=followed.id))
+                result.append(replace(new, id=followed.id, age_s=1e-9 * (time_ns - followed.since_ns)))
         self._followed = [one for one in self._followed if one.missing < (FORGOTTEN_FRAMES if one.id else 1)]
         return tuple(result)
 

@@ -39,7 +39,8 @@ class StepFigures:
     peak, read_ms: deepest point of the surface read from this frame, and how long reading took; None and NaN
     where it was not read. readable: its surface was asked for. latency_ms: from mid-exposure until that was
     read and published, in real time; NaN in simulated time, which stands still meanwhile.
-    touching: what touches the mirror in this frame, where it was read.
+    touching: what touches the mirror in this frame, where it was read. total_force_n: sum of their forces, N,
+    with its standard deviation; NaN where none is known.
     truth: the reading compared with the true mirror of a simulated bench.
     untouched_rms_nm: rms depth (single frame, controller's filter) while nothing touches a simulated bench.
     """
@@ -69,6 +70,8 @@ class StepFigures:
     latency_ms: float = NAN
     peak: Peak | None = None
     touching: tuple[ContactFigures, ...] = ()
+    total_force_n: float = NAN
+    sigma_total_force_n: float = NAN
     truth: Comparison | None = None
     untouched_rms_nm: tuple[float, float] | None = None
 

@@ -66,7 +66,6 @@ class Readings:
             "calibration": calibration or _geometry_words(session.rig.geometry.known),
             "calibration_sigma_percent": percent,
             "simulated_time": not session.loop.live,
-            "force_normal_n": None,
             "force_shear_n": None,
         }
         self._peak: dict[str, Any] = dict.fromkeys(
@@ -75,7 +74,7 @@ class Readings:
                 *("peak_where", "peak_time_s", "depth_sigma_um", "latency_ms"),
             )
         )
-        self._peak["contacts"] = []
+        self._peak |= {"contacts": [], "force_normal_n": None, "force_normal_sigma_n": None}
         self._fine: dict[str, Any] = dict.fromkeys(("fine_peak_mm", "fine_peak_sigma_mm", "fine_time_s"))
         self._spoiled, self._zero = Spoiled(), session.loop.zero
         self._frame: dict[str, Any] = {"frame": None, "exposure_ms": None, "delay_ms": None}
@@ -133,6 +132,8 @@ class Readings:
             "peak_time_s": max(at_s, 0.0),
             "depth_sigma_um": median_sigma_um(surface),
             "latency_ms": number(step.latency_ms),
+            "force_normal_n": number(step.total_force_n),
+            "force_normal_sigma_n": number(step.sigma_total_force_n),
             "contacts": [
                 {key: number(value) if isinstance(value, float) else value for key, value in each.items()}
                 for each in map(asdict, step.touching)

@@ -86,10 +86,13 @@ VALUES = (
     _number("fine_peak_sigma_mm", "standard deviation of fine_peak_mm", "mm", 0),
     _number("fine_time_s", "time of the newest frame that every pixel was read from; null without", "s", 0),
     Quantity("fine_doubt", "text", "why every pixel's depth is not to be relied on; empty where it is"),
-    _number("force_normal_n", "force across the mirror; null: not measured yet", "N"),
-    _number("force_shear_n", "force along the mirror; null: not measured yet", "N", 0),
+    _number("force_normal_n", "force of all contacts into the rubber; null: not known", "N"),
+    _number("force_normal_sigma_n", "standard deviation of force_normal_n", "N", 0),
+    _number("force_shear_n", "force along the mirror, which no depth shows; null", "N", 0),
     Quantity(
-        "contacts", "list", "what touches: id, x_mm, y_mm, area_mm2, major_mm, minor_mm, angle_deg, depth_mm"
+        "contacts",
+        "list",
+        "what touches: id, x_mm, y_mm, area_mm2, major_mm, minor_mm, angle_deg, depth_mm, force_n",
     ),
     _number("residual_px", "how far the camera's picture is from the target, rms", "camera px", 0),
     _number("valid_share", "share of the nodes visible at rest that are measured", "", 0, 1),

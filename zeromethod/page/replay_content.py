@@ -56,7 +56,6 @@ class ReplayContent:
             "calibration": "as recorded" if recording.calibration else geometry.known,
             "calibration_sigma_percent": percent,
             "simulated_time": not recording.live,
-            "force_normal_n": None,
             "force_shear_n": None,
             "duration_s": player.duration_s,
         }
@@ -159,7 +158,7 @@ class ReplayContent:
         fields = ("depth_mm", "depth_sigma_mm", "x_mm", "y_mm", "x_sigma_mm", "y_sigma_mm")
         if index < 0:
             unknown = dict.fromkeys(f"peak_{name}" for name in (*names, "where", "time_s"))
-            return {**unknown, "contacts": []}
+            return {**unknown, "contacts": [], "force_normal_n": None, "force_normal_sigma_n": None}
         row = self._peaks[index]
         found = {f"peak_{name}": number(float(row[field])) for name, field in zip(names, fields, strict=True)}
         touching = self._contacts[self._contacts["step"] == row["step"]]
@@ -167,6 +166,8 @@ class ReplayContent:
             **found,
             "peak_where": str(row["where"]),
             "peak_time_s": float(row["time_s"]),
+            "force_normal_n": number(float(row["total_force_n"])),
+            "force_normal_sigma_n": number(float(row["sigma_total_force_n"])),
             "contacts": [
                 {name: number(float(one[name])) if name != "id" else int(one[name]) for name in _CONTACT}
                 for one in touching

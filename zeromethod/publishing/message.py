@@ -84,6 +84,8 @@ def encode(
         "touching": touching,
         "contacts": [_contact(event) for event in contacts],
         "in_contact": [_area(contact) for contact in step.contacts],
+        "total_force_n": _number(step.total_force_n),
+        "sigma_total_force_n": _number(step.sigma_total_force_n),
         "arrays": described,
     }
     text = json.dumps(header, allow_nan=False).encode()

@@ -21,6 +21,8 @@ PEAKS = np.dtype(
         *((name, "f8") for name in _FIGURES),
         ("time_ns", "i8"),
         ("where", "U16"),
+        ("total_force_n", "f8"),
+        ("sigma_total_force_n", "f8"),
     ]
 )
 """Columns of `Recording.peaks`."""
@@ -33,9 +35,10 @@ def peak_table(rows: Image, start_ns: Ints) -> Image:
         peaks[name] = rows[name]
     if len(rows):
         peaks["time_s"] = 1e-9 * (rows["time_ns"] - start_ns)
-    # files of this format made before there were contacts have no such column
-    peaks["where"] = (
-        np.strings.decode(rows["where"]) if "where" in (rows.dtype.names or ()) else Where.MEASURED
-    )
+    # files of this format made before there were contacts, and before forces, have no such columns
+    known = rows.dtype.names or ()
+    peaks["where"] = np.strings.decode(rows["where"]) if "where" in known else Where.MEASURED
+    for name in ("total_force_n", "sigma_total_force_n"):
+        peaks[name] = rows[name] if name in known else np.nan
     peaks["state"] = np.array([state.value for state in STATES])[rows["state"]]
     return peaks

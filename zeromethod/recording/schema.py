@@ -97,6 +97,8 @@ PEAKS: Fields = {
     "y_sigma_mm": ("f8", "mm", "standard deviation of y_mm"),
     "read_ms": ("f8", "ms", "how long reading the surface took"),
     "where": ("S16", "", "measured, beside a contact, or inside a contact: there carried in from around"),
+    "total_force_n": ("f8", "N", "sum of the forces of all contacts; NaN: not known"),
+    "sigma_total_force_n": ("f8", "N", "standard deviation of total_force_n"),
 }
 
 OUTLINE_POINTS = 64
@@ -119,6 +121,13 @@ CONTACTS: Fields = {
     "scattered": ("f8", "", "light that comes out of the contact, over the picture's mean"),
     "depth_mm": ("f8", "mm", "depth at the deepest inside, carried in from around; NaN: not known"),
     "sigma_depth_mm": ("f8", "mm", "standard deviation of depth_mm"),
+    "age_s": ("f8", "s", "time since it was first seen"),
+    "force_n": ("f8", "N", "force into the rubber; NaN: not known"),
+    "sigma_force_n": ("f8", "N", "standard deviation of force_n"),
+    "torque_x_nmm": ("f8", "N mm", "torque about x through the centroid"),
+    "sigma_torque_x_nmm": ("f8", "N mm", "standard deviation of torque_x_nmm"),
+    "torque_y_nmm": ("f8", "N mm", "torque about y through the centroid"),
+    "sigma_torque_y_nmm": ("f8", "N mm", "standard deviation of torque_y_nmm"),
     "outline_mm": (
         f"({OUTLINE_POINTS},2)f4",
         "mm",

@@ -65,7 +65,12 @@ class Tables:
         """Rows of the table of contacts; none where the file has no such table."""
         if "contacts/table" not in self._source.names:
             return np.zeros(0, row_dtype(CONTACTS))
-        return self.rows("contacts")
+        rows = self.rows("contacts")
+        whole = np.full(len(rows), np.nan, row_dtype(CONTACTS)) if len(rows) else rows
+        # files made before there were forces have no such columns
+        for name in rows.dtype.names or ():
+            whole[name] = rows[name]
+        return whole
 
     def contact_images(self) -> Image:
         """Rows of the table of contacts' images; none where the file has no such table."""

@@ -158,16 +158,20 @@ class FaceSupports(Table):
 
 
 class Rubber(Table):
-    """How the rubber yields to what presses on it; the simulated bench alone uses it.
+    """How the rubber yields to what presses on it.
 
-    `support`: "free", a body so thick that its other faces do not matter; "bonded" or "sliding", a layer of
-    `thickness_mm` on a rigid base, bonded to it or sliding on it; by a table per face: the prism.
+    Without `youngs_modulus_mpa` no force is read, and the simulated bench takes 1 MPa; `_sigma` are standard
+    deviations. `support`: "free", a body so thick that its other faces do not matter; "bonded" or "sliding",
+    a layer of `thickness_mm` on a rigid base, bonded to it or sliding on it; by a table per face: the prism.
     """
 
-    youngs_modulus_mpa: Positive = 1.0
+    youngs_modulus_mpa: Positive | None = None
+    youngs_modulus_sigma_mpa: NotNegative = 0.0
     poisson: Annotated[float, Field(ge=0, le=0.5)] = 0.49
+    poisson_sigma: NotNegative = 0.0
     support: Support | FaceSupports = "free"
     thickness_mm: Positive | None = None
+    thickness_sigma_mm: NotNegative = 0.0
 
     @model_validator(mode="after")
     def _thick(self) -> Rubber:

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 
 from zeromethod.loop.step import StepFigures
+from zeromethod.mechanics.yielding import NO_MODULUS, Yielding
+from zeromethod.rig.model import Rig
 
 Rows = list[dict[str, Any]]
 
@@ -33,6 +35,21 @@ def contact_rows(records: Sequence[StepFigures]) -> Rows:
         }
         for number, found in sorted(seen.items())
     ]
+
+
+def force_figures(records: Sequence[StepFigures], rig: Rig) -> dict[str, Any]:
+    """Sum of all contacts' forces: medians over frames with contacts, of the hold where there are any.
+
+    force_n, sigma_n: None with the `reason` where no force is read.
+    """
+    if Yielding.of(rig) is None:
+        return {"force_n": None, "sigma_n": None, "reason": NO_MODULUS}
+    found = [one for one in records if np.isfinite(one.total_force_n)]
+    found = [one for one in found if one.phase == "hold"] or found
+    if not found:
+        return {"force_n": None, "sigma_n": None, "reason": "nothing touched"}
+    force, sigma = np.median([(one.total_force_n, one.sigma_total_force_n) for one in found], axis=0)
+    return {"force_n": float(force), "sigma_n": float(sigma), "reason": ""}
 
 
 def true_contact_rows(records: Iterable[StepFigures]) -> Rows:

@@ -127,6 +127,8 @@ def with_reading(step: Step, read: Step | None) -> Step:
         surface=read.surface,
         contacts=read.contacts,
         touching=read.touching,
+        total_force_n=read.total_force_n,
+        sigma_total_force_n=read.sigma_total_force_n,
         peak=read.peak,
         read_ms=read.read_ms,
         latency_ms=read.latency_ms,

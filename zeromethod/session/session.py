@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from zeromethod.contact import Contact, ContactFinder, Lamp
+from zeromethod.contact import Contact, ContactFinder, ForceReader, Lamp
 from zeromethod.devices.abilities import dropped_refreshes_of, script_of, truth_of
 from zeromethod.devices.opening import Devices, open_devices
 from zeromethod.errors import InputError, MeasurementError
@@ -113,6 +113,7 @@ class Session:
             if fine:
                 self._fine = FineReadings(self.rig, self._optics, self._grid, self._truth)
             self._contacts = ContactFinder(self.rig, self._optics, self._grid)
+            self._forces = ForceReader(self.rig)
             self._touched: tuple[Contact, ...] = ()
             self._uneven = UnevenRest(self.loop.q_rest)
             self._lamp = Lamp(self._grid) if self.rig.control.lamp else None
@@ -297,11 +298,13 @@ class Session:
         surface, deepest, read_ms = self._surfaces.finish(step.number)
         contacts = self._touching(step, surface)
         surface, deepest, contacts = self._contacts.carry(surface, deepest, contacts)
+        contacts, total = self._forces.read(surface, contacts)
         if step.image is not None and step.residual is not None and Event.BURST not in step.events:
             contacts = self._contacts.with_images(step.image, step.residual, surface, contacts)
         if self._lamp is not None:
             self.loop.light(self._lamp.follow(contacts))
         found: dict[str, Any] = {"contacts": contacts, "touching": tuple(one.figures for one in contacts)}
+        found |= {"total_force_n": total.force_n, "sigma_total_force_n": total.sigma_n}
         if self._truth is not None:
             if step.phase == "untouched":
                 # the filter's noise, once it has settled: making its reader takes as long as 20 frames

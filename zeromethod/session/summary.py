@@ -14,7 +14,7 @@ import numpy as np
 from zeromethod.loop.state import LOCK_FRAMES, LOCK_RESIDUAL_PX, NULLED, READ, State
 from zeromethod.loop.step import StepFigures
 from zeromethod.rig.model import SIMULATED
-from zeromethod.session.contact_figures import contact_rows, true_contact_rows
+from zeromethod.session.contact_figures import contact_rows, force_figures, true_contact_rows
 from zeromethod.session.result import RunResult
 
 Figures = dict[str, Any]
@@ -183,6 +183,7 @@ def summarise(result: RunResult) -> Figures:
         **_depth_figures(result, read),
         "fine": _fine(result),
         "contacts": contact_rows(records),
+        "force": force_figures(records, result.rig),
         "loop_ms": _percentiles(record.loop_ms for record in records),
         "draw_ms": _percentiles(record.draw_ms for record in records),
         "read_ms": _percentiles(record.read_ms for record in records),

@@ -192,7 +192,8 @@ def draw_outlines(axis: Axes, contacts: Sequence[Contact]) -> None:
     """Draw the borders of contacts over a map, each with its id."""
     for contact in contacts:
         axis.plot(*closed(contact.outline_mm).T, "k-", linewidth=0.8)
-        axis.annotate(f"{contact.id}", (contact.x_mm, contact.y_mm), ha="center", va="center")
+        force = f": {contact.force_n:.3f} N" if np.isfinite(contact.force_n) else ""
+        axis.annotate(f"{contact.id}{force}", (contact.x_mm, contact.y_mm), ha="center", va="center")
 
 
 def _draw_images(axes: Sequence[Axes], contacts: Sequence[Contact]) -> None:

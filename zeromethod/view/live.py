@@ -45,9 +45,11 @@ EXPLAINED = frozenset(
 
 def contact_words(touching: Sequence[ContactFigures]) -> str:
     """What touches, in a few words; "" for nothing."""
+    force = sum(one.force_n for one in touching)
+    how_hard = f", {force:.3f} N" if math.isfinite(force) else ""
     if len(touching) > 1:
-        return f"{len(touching)} contacts of {sum(one.area_mm2 for one in touching):.2f} mm²"
-    return "".join(f"contact {one.id} of {one.area_mm2:.2f} mm²" for one in touching)
+        return f"{len(touching)} contacts of {sum(one.area_mm2 for one in touching):.2f} mm²{how_hard}"
+    return "".join(f"contact {one.id} of {one.area_mm2:.2f} mm²{how_hard}" for one in touching)
 
 
 class LiveStatus:

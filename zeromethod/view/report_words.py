@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 import tomllib
 from collections.abc import Iterator, Sequence
@@ -68,7 +69,9 @@ def summary_rows(figures: Figures, rig: Rig) -> Iterator[tuple[str, str]]:
     for one in figures["contacts"]:
         area = f"{one['area_mm2']:.3f} ± {one['sigma_area_mm2']:.3f} mm²"
         place = f"at ({one['x_mm']:.3f}, {one['y_mm']:.3f}) mm"
-        yield f"contact {one['id']}", f"{area} {place}, {one['from_s']:.2f} to {one['to_s']:.2f} s"
+        known = one["force_n"] is not None and math.isfinite(one["force_n"])
+        force = f", {one['force_n']:.4f} ± {one['sigma_force_n']:.4f} N" if known else ""
+        yield f"contact {one['id']}", f"{area} {place}{force}, {one['from_s']:.2f} to {one['to_s']:.2f} s"
     residual = figures["residual_px_rms"]
     if residual["median"] is not None:
         yield "residual while nulled", f"{residual['median']:.4f} camera px rms (99 %: {residual['p99']:.4f})"

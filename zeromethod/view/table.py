@@ -107,7 +107,9 @@ def _contact_rows(label: str, contacts: Sequence[Figures] | None) -> list[tuple[
         words = f"{one['area_mm2']:.3f}{sigma} mm² at ({one['x_mm']:.3f}, {one['y_mm']:.3f}) mm"
         depth = one.get("depth_mm")
         inside = "" if depth is None else f", {depth:.5f} ± {one['sigma_depth_mm']:.5f} mm deep"
-        force = f", {one['force_n']:.3g} N" if "force_n" in one else ""
+        how_hard = one.get("force_n")
+        apart = f" ± {one['sigma_force_n']:.4f}" if "sigma_force_n" in one else ""
+        force = "" if how_hard is None else f", {how_hard:.4f}{apart} N"
         rows.append((f"{label} {one['id']}", words + inside + force))
     return rows
 
@@ -120,6 +122,8 @@ def summary_table(figures: Figures) -> Table:
         if all(value is not None for value in values):
             rows.append((label, pattern.format(*values)))
     rows += _contact_rows("contact", figures.get("contacts"))
+    if figures.get("contacts") and figures["force"]["reason"]:
+        rows.append(("force", f"not read: {figures['force']['reason']}"))
     rows += _contact_rows("true contact", _look_up(figures, "truth.contacts"))
     if not figures["calibrated"]:
         rows.append(("not calibrated", "depth is relative: zeromethod calibrate"))

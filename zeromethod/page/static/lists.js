@@ -5,7 +5,7 @@ const MOST = 200;
 const BAD = /fault|lost|refused|stalled|moved|full|dropped/i;
 const CONTACT = [
   ["id", "contact", 0], ["x_mm", "x, mm", 2], ["y_mm", "y, mm", 2], ["area_mm2", "area, mm²", 2], ["major_mm", "long, mm", 2],
-  ["minor_mm", "short, mm", 2], ["angle_deg", "angle, °", 0], ["depth_mm", "depth, µm", 2],
+  ["minor_mm", "short, mm", 2], ["angle_deg", "angle, °", 0], ["depth_mm", "depth, µm", 2], ["force_n", "force, N", 4],
 ];
 
 export function events(said) {

@@ -80,7 +80,8 @@ export function showFigures(values) {
   set("peak-at", values.peak_x_mm == null ? "–" : `${values.peak_x_mm.toFixed(1)}, ${values.peak_y_mm.toFixed(1)}`);
   set("depth-sigma", fixed(values.depth_sigma_um, 3));
   set("force", fixed(values.force_normal_n, 3));
-  set("force-unit", values.force_normal_n == null ? "not measured yet" : "N");
+  const apart = values.force_normal_sigma_n;
+  set("force-unit", values.force_normal_n == null ? "not known" : apart == null ? "N" : `± ${apart.toFixed(4)} N`);
   set("residual-rms", fixed(values.residual_px, 3));
   set("rate", fixed(values.loop_rate_hz, 1));
   set("delay", fixed(values.delay_ms, 1));

@@ -26,6 +26,7 @@ _WAVES = 30.0
 """Wave number x thickness beyond which a layer yields as a half-space does: exp(-60) is left."""
 _PANELS, _NODES = 40, 30
 _TABLE = 3000
+_SOFT_MPA = 1.0
 _SMOOTH = 13
 """Points along each side of a lattice of pressures at which what a prism adds is known."""
 
@@ -73,12 +74,17 @@ class Compliance:
         """(places, forces) mm per N that the prism adds at places (2, n) by forces at places (2, m)."""
         if self.body is None:
             return np.zeros((places_mm.shape[1], forces_mm.shape[1]))
-        return self.body.between(places_mm, forces_mm) / self.rubber.youngs_modulus_mpa
+        return self.body.between(places_mm, forces_mm) / self.youngs_modulus_mpa
+
+    @property
+    def youngs_modulus_mpa(self) -> float:
+        """The rig file's, or soft silicone's where it has none."""
+        return self.rubber.youngs_modulus_mpa or _SOFT_MPA
 
     @property
     def modulus_mpa(self) -> float:
         """E / (1 - nu^2)."""
-        return self.rubber.youngs_modulus_mpa / (1 - self.rubber.poisson**2)
+        return self.youngs_modulus_mpa / (1 - self.rubber.poisson**2)
 
     def of_cells(self, x_mm: Float, y_mm: Float, pitch_mm: float) -> Float:
         """Displacement, mm, at distance (x, y) from a square cell of `pitch_mm` under a pressure of 1 MPa.

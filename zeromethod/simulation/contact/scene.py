@@ -149,7 +149,7 @@ def _of_body(patch: Patch, compliance: Compliance) -> Float:
         np.asarray(middle + WIDE_PITCH_MM * (np.arange(n) - (n - 1) / 2), dtype=np.float64)
         for middle, n in zip((held.x_mm, held.y_mm), _wide_shape(), strict=True)
     )
-    return body.on_grid(body.of_forces(*patch.loads()), x, y) / compliance.rubber.youngs_modulus_mpa
+    return body.on_grid(body.of_forces(*patch.loads()), x, y) / compliance.youngs_modulus_mpa
 
 
 def _wide_depth(patch: Patch, compliance: Compliance) -> Float:

@@ -1,0 +1,173 @@
+"""Forces read around contacts, against closed forms of dents and of a layer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from planted_dents import DENTS, RADIUS_MM, ball, punch, round_contact
+
+from zeromethod import InputError, load_rig
+from zeromethod.arrays import Float
+from zeromethod.contact import ForceReader
+from zeromethod.contact.load_slopes import load_slopes
+from zeromethod.contact.loads import Loads
+from zeromethod.mechanics.layer import wave_share
+from zeromethod.optics.prism import PrismGeometry
+from zeromethod.rig.tables import Rubber
+from zeromethod.simulation.contact.compliance import Compliance, layer_factor
+from zeromethod.surface import Anchor, Surface
+
+E_MPA, POISSON = 1.6, 0.49
+E_STAR = E_MPA / (1 - POISSON**2)
+NOISE = 3e-6
+"""Slope noise of a node of the packaged bench, rad."""
+LINE = np.arange(-60, 61) * 0.3
+
+
+def rig(**rubber: object):
+    given = {"youngs_modulus_mpa": E_MPA, "poisson": POISSON, "support": "free", **rubber}
+    return load_rig("simulated").replace({f"rubber.{key}": value for key, value in given.items()})
+
+
+def surface(
+    slope_outwards: Callable[[Float], Float],
+    *middles: tuple[float, float],
+    noise: float = NOISE,
+    seed: int = 3,
+) -> Surface:
+    """A mirror pressed at middles, with slopes away from each as a function of the distance."""
+    x, y = np.meshgrid(LINE, LINE)
+    slope, hole = np.random.default_rng(seed).normal(0, noise, (*x.shape, 2)), np.zeros(x.shape, bool)
+    for mx, my in middles:
+        r = np.maximum(np.hypot(x - mx, y - my), 1e-6)
+        slope += (slope_outwards(r) / r)[..., None] * np.stack([x - mx, y - my], axis=-1)
+        hole |= r < RADIUS_MM + 0.15
+    sigma = np.full(slope.shape, max(noise, 1e-7))
+    nothing = Anchor("none", np.zeros(x.shape, bool), 0.0)
+    return Surface(np.zeros(x.shape), slope, x, y, sigma[..., 0], sigma, ~hole, hole, nothing, 0, 1)
+
+
+def outwards(dent: Callable[[Float, float], Float], depth_mm: float) -> Callable[[Float], Float]:
+    def slope(r: Float) -> Float:
+        return depth_mm * (dent(r + 1e-5, RADIUS_MM) - dent(r - 1e-5, RADIUS_MM)) / 2e-5
+
+    return slope
+
+
+@pytest.mark.parametrize("name", list(DENTS))
+def test_the_force_of_each_closed_form_dent_is_read_within_its_sigma(name):
+    dent, depth_per = DENTS[name]
+    depth_mm = 0.02
+    force_n = depth_mm * E_STAR * RADIUS_MM / depth_per
+    reader = ForceReader(rig())
+    contacts, total = reader.read(surface(outwards(dent, depth_mm), (2.0, -1.0)), [round_contact(2.0, -1.0)])
+    (found,) = contacts
+    # beside the border cells stand for a pressure: 0.3 % of slopes there is in sigma
+    assert abs(found.force_n - force_n) < 3 * found.sigma_force_n < 0.01 * force_n
+    assert total.force_n == pytest.approx(found.force_n, rel=1e-9)
+    assert abs(found.torque_y_nmm) < 3 * found.sigma_torque_y_nmm
+
+
+def test_forces_of_contacts_side_by_side_are_told_apart_and_their_sum_is_known_better():
+    force_n = 0.02 * E_STAR * RADIUS_MM / 0.75
+    middles = (-1.25, 0.0), (1.25, 0.0)
+    pressed = surface(outwards(ball, 0.02), *middles)
+    (one, other), total = ForceReader(rig()).read(pressed, [round_contact(*middle) for middle in middles])
+    for found in (one, other):
+        assert found.force_n == pytest.approx(force_n, rel=0.02)
+    assert total.force_n == pytest.approx(2 * force_n, rel=0.005)
+    assert total.sigma_n < one.sigma_force_n
+
+
+def test_a_pull_has_the_opposite_sign_of_a_push():
+    """A flat punch that is pulled makes the dent of one that is pressed, upwards."""
+    contacts, _ = ForceReader(rig()).read(surface(outwards(punch, -0.01), (0.0, 0.0)), [round_contact()])
+    assert contacts[0].force_n == pytest.approx(-0.01 * E_STAR * RADIUS_MM / 0.5, rel=0.01)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_the_torque_of_a_tilted_punch_is_read_with_its_sign(axis):
+    """Tilted by t it needs 4/3 E* a^3 t. Source: Johnson 1985, 5.5; Lur'e 1964."""
+    tilt, a = 0.005, RADIUS_MM
+    pressed = surface(outwards(punch, 0.02), (0.0, 0.0))
+    r, along = np.maximum(np.hypot(pressed.x_mm, pressed.y_mm), a), (pressed.x_mm, pressed.y_mm)
+    g = 2 / np.pi * (np.arcsin(a / r) - a / r * np.sqrt(1 - (a / r) ** 2))
+    by_r = -4 / np.pi * a**3 / (r**3 * np.maximum(np.sqrt(r**2 - a**2), 1e-9))
+    for k in range(2):
+        pressed.slope[..., k] += tilt * (along[axis] * by_r * along[k] / r + (g if k == axis else 0.0))
+    (found,), _ = ForceReader(rig()).read(pressed, [round_contact()])
+    torque = found.torque_y_nmm if axis == 0 else -found.torque_x_nmm
+    assert torque == pytest.approx(4 / 3 * E_STAR * a**3 * tilt, rel=0.01)
+
+
+@pytest.mark.parametrize("bonded", [True, False])
+def test_a_layer_yields_as_its_closed_form_says(bonded):
+    """The same physics by the four fields' equations here, by Johnson's formula in the simulated bench."""
+    waves = np.geomspace(0.05, 25, 60)
+    closed = layer_factor(waves, POISSON, bonded=bonded)
+    np.testing.assert_allclose(wave_share(waves, POISSON, bonded=bonded), closed, rtol=1e-9)
+
+
+def layer_slope(support: str, thickness_mm: float, force_n: float) -> Callable[[Float], Float]:
+    layer = Compliance(
+        Rubber(youngs_modulus_mpa=E_MPA, poisson=POISSON, support=support, thickness_mm=thickness_mm)
+    )
+    return lambda r: force_n * (layer.of_force(r + 1e-3) - layer.of_force(r - 1e-3)) / 2e-3
+
+
+@pytest.mark.parametrize(("support", "low"), [("bonded", 0.05), ("sliding", 0.02)])
+def test_a_layers_force_is_read_with_the_layer_and_low_as_a_half_space(support, low):
+    pressed, contact = surface(layer_slope(support, 20.0, 0.05), (0.0, 0.0)), [round_contact()]
+    right, _ = ForceReader(rig(support=support, thickness_mm=20.0)).read(pressed, contact)
+    # the table of the bench's layer is linear between its points
+    assert right[0].force_n == pytest.approx(0.05, rel=0.003)
+    half_space, _ = ForceReader(rig()).read(pressed, contact)
+    assert half_space[0].force_n < (1 - low) * 0.05
+
+
+def test_where_the_rig_does_not_say_what_holds_the_prism_sigma_allows_for_a_bonded_base():
+    bench = load_rig("simulated").replace({"rubber": {"youngs_modulus_mpa": E_MPA, "poisson": POISSON}})
+    shape = PrismGeometry(bench.prism)
+    height_mm = shape.length_mm / 2 * np.tan(shape.pattern_angle_rad)
+    pressed = surface(layer_slope("bonded", float(height_mm), 0.05), (0.0, 0.0))
+    (found,), _ = ForceReader(bench).read(pressed, [round_contact()])
+    (sure,), _ = ForceReader(rig()).read(pressed, [round_contact()])
+    assert abs(found.force_n - 0.05) < 2 * found.sigma_force_n
+    assert found.sigma_force_n > sure.sigma_force_n
+
+
+def test_what_is_open_of_modulus_and_thickness_is_in_sigma():
+    pressed, contact = surface(outwards(ball, 0.02), (0.0, 0.0)), [round_contact()]
+    known, _ = ForceReader(rig()).read(pressed, contact)
+    stiff, _ = ForceReader(rig(youngs_modulus_sigma_mpa=0.05 * E_MPA)).read(pressed, contact)
+    assert known[0].sigma_force_n < 0.01 * known[0].force_n
+    assert stiff[0].sigma_force_n == pytest.approx(0.05 * stiff[0].force_n, rel=0.05)
+    layer = {"support": "bonded", "thickness_mm": 20.0}
+    thick, _ = ForceReader(rig(**layer)).read(pressed, contact)
+    thicker, _ = ForceReader(rig(**layer | {"thickness_mm": 22.0})).read(pressed, contact)
+    unsure, _ = ForceReader(rig(**layer, thickness_sigma_mm=2.0)).read(pressed, contact)
+    assert abs(thick[0].force_n - thicker[0].force_n) < 2 * unsure[0].sigma_force_n
+
+
+def test_without_a_modulus_no_force_is_read():
+    bench = load_rig("simulated").replace({"rubber": {}})
+    contacts, total = ForceReader(bench).read(surface(outwards(ball, 0.02), (0.0, 0.0)), [round_contact()])
+    assert np.isnan([contacts[0].force_n, contacts[0].sigma_force_n, total.force_n]).all()
+
+
+def test_fast_slopes_are_those_of_all_cells():
+    loads = Loads.of(round_contact())
+    angle = np.linspace(0, 6, 7)
+    for away in (1.5, 2.2, 4.0, 9.0):
+        at = away * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+        exact = np.moveaxis(loads.slope(at), 1, 2)
+        fast = load_slopes(loads, np.repeat(at[:, None], 4, axis=1))
+        # cells have a size, the few forces that stand for them none
+        assert np.abs(fast - exact).max() < 2e-3 * np.abs(exact[..., 0]).max()
+
+
+def test_a_modulus_below_zero_is_refused():
+    with pytest.raises(InputError, match="youngs_modulus_mpa"):
+        rig(youngs_modulus_mpa=-1.0)

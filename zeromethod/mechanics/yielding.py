@@ -1,0 +1,90 @@
+"""How a rig's rubber answers to loads on its mirror, as far as the rig file knows."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from zeromethod.arrays import Float
+from zeromethod.mechanics.layer import layer_slopes
+from zeromethod.optics.prism import PrismGeometry
+from zeromethod.rig.model import Rig
+
+NO_MODULUS = "the rig file has no rubber.youngs_modulus_mpa"
+"""Why no force is read."""
+
+_REACH_MM = 1.5, 20.0
+"""Distances from a load between which most is known of its force."""
+
+
+@dataclass(frozen=True)
+class Layer:
+    """Rubber on a rigid base."""
+
+    thickness_mm: float
+    poisson: float
+    bonded: bool
+
+    def slope_outwards(self, distance_mm: Float) -> Float:
+        """1/mm^2 that the base adds per q, where a half-space's dent is q / distance."""
+        at, added = layer_slopes(self.thickness_mm, self.poisson, bonded=self.bonded)
+        return np.where(
+            distance_mm < at[-1], np.interp(distance_mm, at, added), 1 / np.maximum(distance_mm, 1e-9) ** 2
+        )
+
+    def change(self, other: Layer | None) -> float:
+        """By how much, relative, force reads otherwise if the layer is another one; None: a half-space."""
+        distance = np.linspace(*_REACH_MM, 200)
+        own, its = (
+            (one.slope_outwards(distance) if one is not None else 0.0) - distance**-2.0
+            for one in (self, other)
+        )
+        # what shapes without a net force do is fitted, too
+        terms = np.stack([its, distance**-4.0]) * np.sqrt(distance)
+        return abs(float(np.linalg.lstsq(terms.T, own * np.sqrt(distance), rcond=None)[0][0]) - 1)
+
+
+@dataclass(frozen=True)
+class Yielding:
+    """How stiff the rubber is, with its standard deviation, and what its body adds to a half-space.
+
+    modulus_mpa: E / (1 - nu^2); a force F makes a dent q / distance in a half-space, q = F / (pi modulus).
+    relative_sigma: of forces, by what is open of modulus, Poisson's ratio and thickness.
+    """
+
+    modulus_mpa: float
+    relative_sigma: float
+    layer: Layer | None = None
+
+    @classmethod
+    def of(cls, rig: Rig) -> Yielding | None:
+        """That of a rig; None where its file does not say how stiff the rubber is."""
+        rubber = rig.rubber
+        if rubber.youngs_modulus_mpa is None:
+            return None
+        nu = rubber.poisson
+        relative = math.hypot(
+            rubber.youngs_modulus_sigma_mpa / rubber.youngs_modulus_mpa,
+            2 * nu * rubber.poisson_sigma / (1 - nu**2),
+        )
+        modulus = rubber.youngs_modulus_mpa / (1 - nu**2)
+        if "support" not in rubber.model_fields_set:
+            # of a half-space, off by as much as one that is bonded as deep as this prism is
+            deep = PrismGeometry(rig.prism)
+            half = deep.length_mm / 2 * min(np.tan(deep.pattern_angle_rad), np.tan(deep.camera_angle_rad))
+            return cls(modulus, math.hypot(relative, Layer(float(half), nu, True).change(None)))
+        if rubber.thickness_mm is None:
+            return cls(modulus, relative)
+        layer = Layer(rubber.thickness_mm, nu, rubber.support == "bonded")
+        other = replace(layer, thickness_mm=rubber.thickness_mm + rubber.thickness_sigma_mm)
+        return cls(modulus, math.hypot(relative, layer.change(other)), layer)
+
+    def added_slopes(self, at_mm: Float, middle_mm: Float) -> Float | None:
+        """Slope (n, 2) at points (n, 2) that the body adds per q under a load at (2,); None: a half-space."""
+        if self.layer is None:
+            return None
+        away = at_mm - middle_mm
+        distance = np.maximum(np.hypot(*away.T), 1e-9)
+        return away * (self.layer.slope_outwards(distance) / distance)[:, None]
