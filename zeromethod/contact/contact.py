@@ -75,7 +75,8 @@ class ContactFigures:
         Time since it was first seen. Rubber creeps, which forces do not allow for.
     force_n, torque_x_nmm, torque_y_nmm : float
         Force into the rubber, and its torques about x and y through the centroid
-        (`zeromethod.contact.force`); NaN where the rig file does not say how stiff the rubber is, or too little was read.
+        (`zeromethod.contact.force`); NaN where the rig file does not say how stiff the rubber is, or too
+        little was read.
     sigma_force_n, sigma_torque_x_nmm, sigma_torque_y_nmm : float
         Their standard deviations.
     """

@@ -89,10 +89,7 @@ class ForceReader:
             by_cell = np.stack([np.ones_like(x), -y, x])
             arms[k, :, SHAPES * k : SHAPES * (k + 1)] = np.einsum("mc,sc->ms", by_cell, load.forces)
         arms *= np.pi * self._yielding.modulus_mpa
-        found = tuple(
-            replace(contact, **self._figures(contact, fit, arm))
-            for contact, arm in zip(contacts, arms, strict=True)
-        )
+        found = tuple(self._with(contact, fit, arm) for contact, arm in zip(contacts, arms, strict=True))
         total, sigma = _summed(fit, arms[:, 0].sum(axis=0)[None])
         middle = np.mean([(contact.x_mm, contact.y_mm) for contact in contacts], axis=0)
         return found, TotalForce(float(total[0]), math.hypot(sigma[0], self._open(*middle) * total[0]))
@@ -120,20 +117,21 @@ class ForceReader:
             slopes[:, :, 0] += added.reshape(at_mm.shape).mean(axis=1)
         return slopes
 
-    def _figures(self, contact: Contact, fit: _Fit, arms: Float) -> dict[str, float]:
-        """Force and torques of one contact with their sigmas; arms (3, n)."""
-        (force, *torques), sigmas = _summed(fit, arms)
-        sigmas = np.hypot(sigmas, self._open(contact.x_mm, contact.y_mm) * np.array([force, *torques]))
+    def _with(self, contact: Contact, fit: _Fit, arms: Float) -> Contact:
+        """The contact with its force and torques and their sigmas; arms (3, n)."""
+        values, sigmas = _summed(fit, arms)
+        sigmas = np.hypot(sigmas, self._open(contact.x_mm, contact.y_mm) * values)
         # a centroid that is off makes a torque of the force
-        sigmas = np.hypot(sigmas, np.array([0.0, contact.sigma_y_mm, contact.sigma_x_mm]) * force)
-        return {
-            "force_n": float(force),
-            "sigma_force_n": float(sigmas[0]),
-            "torque_x_nmm": float(torques[0]),
-            "sigma_torque_x_nmm": float(sigmas[1]),
-            "torque_y_nmm": float(torques[1]),
-            "sigma_torque_y_nmm": float(sigmas[2]),
-        }
+        sigmas = np.hypot(sigmas, np.array([0.0, contact.sigma_y_mm, contact.sigma_x_mm]) * values[0])
+        return replace(
+            contact,
+            force_n=float(values[0]),
+            torque_x_nmm=float(values[1]),
+            torque_y_nmm=float(values[2]),
+            sigma_force_n=float(sigmas[0]),
+            sigma_torque_x_nmm=float(sigmas[1]),
+            sigma_torque_y_nmm=float(sigmas[2]),
+        )
 
     def _open(self, x_mm: float, y_mm: float) -> float:
         """Relative standard deviation that all forces share: the rubber's, and what the geometry leaves open.
@@ -167,4 +165,4 @@ def _regular(normal: Float, right: Float, count: int) -> _Fit:
         mean = np.linalg.solve(known, right)
         largest = np.abs(mean[: SHAPES * count]).reshape(-1, SHAPES).max(axis=1)
         newtons = np.maximum(np.abs(newtons), largest)
-    return _Fit(mean, np.linalg.inv(known))
+    return _Fit(np.asarray(mean, np.float64), np.asarray(np.linalg.inv(known), np.float64))

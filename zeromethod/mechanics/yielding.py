@@ -87,4 +87,4 @@ class Yielding:
             return None
         away = at_mm - middle_mm
         distance = np.maximum(np.hypot(*away.T), 1e-9)
-        return away * (self.layer.slope_outwards(distance) / distance)[:, None]
+        return np.asarray(away * (self.layer.slope_outwards(distance) / distance)[:, None])
