@@ -5,8 +5,8 @@ former is Wiener's: with coarse readings of variance s^2 that scatter over the f
 mean is off by is b, and (1 - w)^2 s^2 + w^2 b^2 is least at w = s^2 / (s^2 + b^2).
 
 A mirror that stands scatters, too, where it is finer than the window: what the window does not average out is
-seen at the phases p, q of the target, as waves of p, 2 p and p +- q along u. Their share of the scatter is
-left out, and motion is judged by what the rest would have of a steady one.
+seen at the phases p, q of the target, as waves of p, 2 p and p +- q along u. So motion is at most what
+scatters but for these, over what those would leave of a steady one.
 """
 
 from __future__ import annotations
@@ -16,8 +16,7 @@ import numpy as np
 
 from zeromethod.arrays import Float, Mask
 
-_POOLS_NODES = 9, 33
-"""Sides of squares in which scatter is pooled: the motion of a narrow shape, and a slow one of a wide."""
+_POOL_NODES = 9
 _CHANCE = 4.0
 """Standard deviations of chance below which scatter counts as noise."""
 _INDEPENDENT = 9.0
@@ -31,39 +30,39 @@ def fine_share(d: Float, variance: Float, valid: Mask, turns: Float) -> Float:
     one, in the mean. valid: (rows, cols). turns: (N, rows, 2) phases of the target, rad.
     """
     good = valid & np.isfinite(d).all(axis=(0, -1)) & np.isfinite(variance).all(axis=-1)
-    excess, free, left = np.zeros(good.shape), 0.0, 0.0
-    for axis in (0, 1):
-        own, other = turns[..., axis], turns[..., 1 - axis]
-        waves = _orthonormal((own, 2 * own, own + other, own - other))
-        still = d[..., axis] - d[..., axis].mean(axis=0)
-        with np.errstate(invalid="ignore"):
-            squares = (still**2).sum(axis=0) - (np.einsum("rtk,trc->rkc", waves, still) ** 2).sum(axis=1)
-        drift = np.linspace(-1.0, 1.0, len(d))
-        kept = 1.0 - ((drift @ waves) ** 2).sum(axis=-1) / (drift @ drift)
-        free = len(d) - waves.shape[-1]
-        with np.errstate(invalid="ignore", divide="ignore"):
-            excess += squares / variance[..., axis]
-        left += 0.5 * len(d) * float(kept.mean())
-    excess = np.where(good, 0.5 * excess - free, 0.0)
-    moved = np.zeros(good.shape)
-    for side in _POOLS_NODES:
-        nodes, pooled = (_pooled(one, side) for one in (good.astype(np.float64), excess))
-        chance = np.sqrt(free / np.maximum(nodes / _INDEPENDENT, 1.0))
-        moved = np.maximum(moved, (pooled / np.maximum(nodes, 1.0) - _CHANCE * chance) / left)
+    still = np.where(good[..., None], (d - d.mean(axis=0)) / np.sqrt(variance), 0.0)
+    size = _POOL_NODES, _POOL_NODES
+    nodes = cv2.boxFilter(good.astype(np.float64), -1, size, normalize=False, borderType=cv2.BORDER_CONSTANT)
+    nodes = np.maximum(nodes, 1.0)
+    chance = _CHANCE / np.sqrt(np.maximum(nodes / _INDEPENDENT, 1.0))
+    u, v = turns[..., 0], turns[..., 1]
+    moved = np.full(good.shape, np.inf)
+    for phases in ((), ((u, 2 * u, u + v, u - v), (v, 2 * v, u + v, u - v))):
+        excess, left, free = np.zeros(good.shape), 0.0, 0.0
+        for axis in (0, 1):
+            waves = _orthonormal(u, *(phases[axis] if phases else ()))
+            explained = np.einsum("rtk,trc->rkc", waves, still[..., axis])
+            free += 0.5 * (len(d) - waves.shape[-1])
+            left += 0.5 * len(d) * _left_of_drift(waves)
+            excess += 0.5 * ((still[..., axis] ** 2).sum(axis=0) - (explained**2).sum(axis=1))
+        pooled = cv2.boxFilter(excess, -1, size, normalize=False, borderType=cv2.BORDER_CONSTANT)
+        beyond = np.asarray(pooled) / nodes - free - chance * np.sqrt(free)
+        moved = np.minimum(moved, np.maximum(beyond, 0.0) / left)
     return np.where(good, 1.0 / (1.0 + moved), 0.0)
 
 
-def _pooled(values: Float, side: int) -> Float:
-    size = side, side
-    return np.asarray(cv2.boxFilter(values, -1, size, normalize=False, borderType=cv2.BORDER_CONSTANT))
-
-
-def _orthonormal(phases: tuple[Float, ...]) -> Float:
+def _orthonormal(like: Float, *phases: Float) -> Float:
     """(rows, N, k) of the constant and waves (N, rows) of time; the constant alone where frames are few."""
-    waves = [np.ones_like(phases[0]), *(f(one) for one in phases for f in (np.cos, np.sin))]
-    count = len(phases[0])
-    basis = np.stack(waves if count >= 2 * len(waves) else waves[:1], axis=-1)
-    return np.asarray(np.linalg.qr(np.swapaxes(basis, 0, 1))[0])
+    waves = [np.ones_like(like), *(f(one) for one in phases for f in (np.cos, np.sin))]
+    few = len(like) < 2 * len(waves)
+    basis = np.stack(waves[:1] if few else waves, axis=-1)
+    return np.asarray(np.linalg.qr(basis.swapaxes(0, 1))[0])
+
+
+def _left_of_drift(waves: Float) -> float:
+    """Share of a steady motion's scatter that waves (rows, N, k) leave, in the mean over rows."""
+    drift = np.linspace(-1.0, 1.0, waves.shape[1])
+    return float(1.0 - np.mean(((drift @ waves) ** 2).sum(axis=-1)) / (drift @ drift))
 
 
 def blend(coarse: Float, fine: Float, share: Float) -> Float:
