@@ -116,12 +116,12 @@ class ZeroTaking:
         terms = _quadratic(rest)
         fit = terms @ np.linalg.lstsq(terms[used], mean[used], rcond=None)[0]
         since = mean + rest.q - self._rest_q
-        if pressed := self._memory.pressed_lcd_px(since, sigma, used):
-            return NoZero(f"something presses that did not at the first rest: {pressed:.2f} LCD px. {LIFT}")
         new = since - self._memory.off
         misfit = _worst_block(new - terms @ np.linalg.lstsq(terms[used], new[used], rcond=None)[0], used)
         if misfit > 3 * noise + WITHIN_LCD_PX:
             return NoZero(f"something presses: a dent of {misfit:.2f} LCD px is seen")
+        if pressed := self._memory.pressed_lcd_px(since, sigma, used):
+            return NoZero(f"something presses that did not at the first rest: {pressed:.2f} LCD px. {LIFT}")
         largest = float(np.abs(fit[used]).max())
         if largest > LARGEST_LCD_PX:
             return NoZero(
