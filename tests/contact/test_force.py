@@ -78,7 +78,7 @@ def test_forces_of_contacts_side_by_side_are_told_apart_and_their_sum_is_known_b
     for found in (one, other):
         assert found.force_n == pytest.approx(force_n, rel=0.02)
     assert total.force_n == pytest.approx(2 * force_n, rel=0.005)
-    assert total.sigma_n < one.sigma_force_n
+    assert total.sigma_n / total.force_n < one.sigma_force_n / one.force_n
 
 
 def test_a_pull_has_the_opposite_sign_of_a_push():

@@ -38,7 +38,8 @@ _PASSES = 3
 _MEDIAN = 0.6745
 """Median of the size of a standard normal number."""
 _DOUBTED = 2.5
-"""Slopes that are farther off than so many standard deviations count less (Huber 1964, doi:10.1214/aoms/1177703732)."""
+"""Slopes that are farther off than so many standard deviations count less. Source: Huber 1964,
+doi:10.1214/aoms/1177703732."""
 _MODEL = 0.003
 """What the kernel and the contact's border leave open of slopes, relative to them."""
 _FORCES = 0.0015
