@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.errors import InputError
+from zeromethod.mechanics.body import body_of
 from zeromethod.optics import Optics
 from zeromethod.rig.model import Rig
 from zeromethod.surface.anchor import KnownReading, RestFit
@@ -17,6 +20,7 @@ from zeromethod.surface.bench_drift import BenchDrift
 from zeromethod.surface.bridge import Lattice, bridge, cut_off_parts
 from zeromethod.surface.covariance import DepthCovariance
 from zeromethod.surface.depth_scale import depth_scale
+from zeromethod.surface.far_field import BodyOnNodes
 from zeromethod.surface.hidden import HiddenDepth
 from zeromethod.surface.integrate import LinearIntegration, SlopeIntegrator, largest_island
 from zeromethod.surface.lever import Lever
@@ -116,7 +120,9 @@ class SurfaceReader:
         self._scale2 = self._scale**2
         self._integrator = SlopeIntegrator(point[..., 0], point[..., 1], self._scale)
         correlation = overlap_correlation(grid.period_px, grid.spacing_px)
-        anchors = Anchors(rig.surface.known_rest, self._scale, self._scale_gradient, correlation)
+        anchors = Anchors(
+            rig.surface.known_rest, self._scale, self._scale_gradient, correlation, self._body_on(rig, point)
+        )
         self._settling = Settling(self._rays, self._integrator, anchors)
         self._overlap = component_correlation(grid.period_px, grid.spacing_px, rig.target.kind)
         self._noise = DepthNoise(self._integrator)
@@ -129,6 +135,15 @@ class SurfaceReader:
         """(measurable rows, cols) of the last surface's `sigma_depth_mm`, what the warp's own noise makes."""
         self._last: _Last | None = None
         self._before: tuple[Surface | None, Surface | None] = None, None
+
+    @staticmethod
+    def _body_on(rig: Rig, point: Float) -> Callable[[], BodyOnNodes] | None:
+        """What works out how the rig's body answers loads, at the points (rows, cols, 3) of the rest.
+
+        Depth moves a node by less than what that is smooth over.
+        """
+        kernel = body_of(rig)
+        return None if kernel is None else partial(BodyOnNodes.of, kernel, point[..., 0], point[..., 1])
 
     @property
     def scale(self) -> Float:
