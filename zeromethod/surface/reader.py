@@ -146,6 +146,11 @@ class SurfaceReader:
         return None if kernel is None else partial(BodyOnNodes.of, kernel, point[..., 0], point[..., 1])
 
     @property
+    def lever(self) -> Lever:
+        """Lever of the measurable nodes."""
+        return self._lever
+
+    @property
     def scale(self) -> Float:
         """Scale h (rows, cols) of the measurable nodes, median 1: slopes fix depth up to a multiple of it.
 
