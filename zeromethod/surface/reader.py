@@ -18,6 +18,7 @@ from zeromethod.surface.bridge import Lattice, bridge, cut_off_parts
 from zeromethod.surface.covariance import DepthCovariance
 from zeromethod.surface.depth_scale import depth_scale
 from zeromethod.surface.hidden import HiddenDepth
+from zeromethod.surface.holes import fold_per_mm
 from zeromethod.surface.integrate import LinearIntegration, SlopeIntegrator, largest_island
 from zeromethod.surface.lever import Lever
 from zeromethod.surface.node_passes import (
@@ -111,6 +112,7 @@ class SurfaceReader:
         self._usable = regular
         sensitivity = np.where(regular[..., None, None], sensitivity, np.eye(2))
         self._rest_bending = jacobian(self._rays.rest_q, grid.spacing_px)
+        self._fold_per_mm = fold_per_mm(self._rest_bending, grid.spacing_px, sensitivity, point, regular)
         self._lever = Lever(self._rays, sensitivity)
         self._scale, self._scale_gradient = depth_scale(self._rays, regular, slope, point)
         self._scale2 = self._scale**2
@@ -273,6 +275,7 @@ class SurfaceReader:
             time_ns=warp.time_ns,
             iterations=reading.iterations,
             curl=curl,
+            fold_per_mm=self._fold_per_mm,
         )
         self._before = (None if self._last is None else self._last.surface), self._before[0]
         self._last = None
