@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import functools
 import math
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -184,7 +183,10 @@ def bench_of(number: int) -> Rig:
 
 
 def calibrated(folder: Path, number: int) -> Rig:
-    """The rig that a calibration with three known presses makes of a drawn bench."""
+    """The rig that a calibration with three known presses makes of a drawn bench; kept in the folder."""
+    kept = folder / f"calibrated{number}.json"
+    if kept.exists():
+        return Rig.model_validate_json(kept.read_text())
     given, bench = nominal(), bench_of(number)
     view = View(bench)
     known = [
@@ -193,7 +195,9 @@ def calibrated(folder: Path, number: int) -> Rig:
     recorded, found, _ = recorded_of(given, bench, known, (KNOWN_MM,) * len(known))
     rest_map = folder / f"rest{number}.npz"
     found.rest_map.save(rest_map)
-    return on_rest(evaluate(recorded, found).rig, rest_map)
+    rig = on_rest(evaluate(recorded, found).rig, rest_map)
+    kept.write_text(rig.model_dump_json(exclude_unset=True))
+    return rig
 
 
 def judged(case: Case) -> Outcome:
@@ -267,8 +271,8 @@ def by_place_mm(surface: Surface, peak: Peak, mirror: DepthField) -> float:
 def report(count: int, *, faults: bool, parts: Parts) -> Report:
     """Run `count` honest presses, and all faults, or those of them that are still missing in `parts`."""
     known = small_rig().model_copy(update={"scenario": "none"})
-    with tempfile.TemporaryDirectory() as folder:
-        calibrate = functools.cache(functools.partial(calibrated, Path(folder)))
+    with parts.folder() as folder:
+        calibrate = functools.cache(functools.partial(calibrated, folder))
         benches: list[tuple[Rig, int | None]] = []
         for number in range(BENCHES):
             benches += [(known, None), (bench_of(number), number)]

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -56,6 +58,17 @@ class Parts:
                 self._append(number)
                 advance()
         return [self._kept[number] for number in range(runs) if number in self._kept]
+
+    @contextmanager
+    def folder(self) -> Iterator[Path]:
+        """Folder for what runs share: next to the kept outcomes, or one that is taken away in the end."""
+        if self._keep is not None:
+            shared = self._keep.resolve().with_name(f"{self._keep.name}.{self._about['program']}")
+            shared.mkdir(exist_ok=True)
+            yield shared
+            return
+        with tempfile.TemporaryDirectory() as temporary:
+            yield Path(temporary)
 
     def _read(self, path: Path) -> None:
         lines = path.read_text().splitlines()
