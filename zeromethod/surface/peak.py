@@ -17,7 +17,6 @@ from zeromethod.surface.node_passes import deepest_node
 from zeromethod.surface.peak_place import place_sigma_mm
 from zeromethod.surface.polynomials import polynomial, powers_of, stationary, terms, whole_window
 from zeromethod.surface.surface import Surface
-from zeromethod.surface.view_border import border_sigma_mm
 
 _REACH = 2
 _MAX_REACH = 6
@@ -145,7 +144,7 @@ def peak(surface: Surface) -> Peak:
 def _deepest(surface: Surface) -> tuple[Peak, Mask]:
     """Peak of the valid nodes alone, and the window (rows, cols) of its fit."""
     row, col = node = deepest_node(surface.depth_mm, surface.valid)
-    sigma_mm = math.hypot(float(surface.sigma_depth_mm[node]), border_sigma_mm(surface, row, col))
+    sigma_mm = float(surface.sigma_depth_mm[node])
     window = np.zeros(surface.valid.shape, bool)
     summit = _summit(surface, row, col)
     for _ in range(_MOVES - 1):

@@ -32,6 +32,7 @@ from zeromethod.surface.noise import DepthNoise, SlopeNoise
 from zeromethod.surface.rays import MirrorRays
 from zeromethod.surface.settling import Reading, Settling, Start
 from zeromethod.surface.surface import Anchor, Surface, continued_points
+from zeromethod.surface.view_border import border_sigma_mm
 from zeromethod.warp.grid import PADDING, NodeGrid
 from zeromethod.warp.jacobian import jacobian
 from zeromethod.warp.overlap import component_correlation, overlap_correlation
@@ -256,6 +257,8 @@ class SurfaceReader:
             of_frame = self._noise.sigma(noise, x, y, fit.weights, alone)
             read = KnownReading(x, y, reading.depth, self._scale, of_frame, reading.slope, noise.variance)
             fit, systematic = self._drift.systematic(fit, read, noise)
+            border = border_sigma_mm(reading.slope, reading.point, island)
+            systematic = np.concatenate([systematic, border[None]])
             if warp.left is not None:
                 hidden = self._hidden.of(warp.left, noise.variance, island)
                 systematic = systematic if hidden is None else np.concatenate([systematic, hidden[None]])
