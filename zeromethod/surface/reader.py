@@ -134,6 +134,11 @@ class SurfaceReader:
         self._before: tuple[Surface | None, Surface | None] = None, None
 
     @property
+    def lever(self) -> Lever:
+        """Lever of the measurable nodes."""
+        return self._lever
+
+    @property
     def scale(self) -> Float:
         """Scale h (rows, cols) of the measurable nodes, median 1: slopes fix depth up to a multiple of it.
 
