@@ -22,6 +22,7 @@ from zeromethod.surface.covariance import DepthCovariance
 from zeromethod.surface.depth_scale import depth_scale
 from zeromethod.surface.far_field import BodyOnNodes
 from zeromethod.surface.hidden import HiddenDepth
+from zeromethod.surface.holes import fold_per_mm
 from zeromethod.surface.integrate import LinearIntegration, SlopeIntegrator, largest_island
 from zeromethod.surface.lever import Lever
 from zeromethod.surface.node_passes import (
@@ -35,6 +36,7 @@ from zeromethod.surface.noise import DepthNoise, SlopeNoise
 from zeromethod.surface.rays import MirrorRays
 from zeromethod.surface.settling import Reading, Settling, Start
 from zeromethod.surface.surface import Anchor, Surface, continued_points
+from zeromethod.surface.view_border import border_sigma_mm
 from zeromethod.warp.grid import PADDING, NodeGrid
 from zeromethod.warp.jacobian import jacobian
 from zeromethod.warp.overlap import component_correlation, overlap_correlation
@@ -115,6 +117,7 @@ class SurfaceReader:
         self._usable = regular
         sensitivity = np.where(regular[..., None, None], sensitivity, np.eye(2))
         self._rest_bending = jacobian(self._rays.rest_q, grid.spacing_px)
+        self._fold_per_mm = fold_per_mm(self._rest_bending, grid.spacing_px, sensitivity, point, regular)
         self._lever = Lever(self._rays, sensitivity)
         self._scale, self._scale_gradient = depth_scale(self._rays, regular, slope, point)
         self._scale2 = self._scale**2
@@ -274,6 +277,8 @@ class SurfaceReader:
             of_frame = self._noise.sigma(noise, x, y, fit.weights, alone)
             read = KnownReading(x, y, reading.depth, self._scale, of_frame, reading.slope, noise.variance)
             fit, systematic = self._drift.systematic(fit, read, noise)
+            border = border_sigma_mm(reading.slope, reading.point, island)
+            systematic = np.concatenate([systematic, border[None]])
             if warp.left is not None:
                 hidden = self._hidden.of(warp.left, noise.variance, island)
                 systematic = systematic if hidden is None else np.concatenate([systematic, hidden[None]])
@@ -293,6 +298,7 @@ class SurfaceReader:
             time_ns=warp.time_ns,
             iterations=reading.iterations,
             curl=curl,
+            fold_per_mm=self._fold_per_mm,
         )
         self._before = (None if self._last is None else self._last.surface), self._before[0]
         self._last = None
