@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from zeromethod.arrays import Float
+from zeromethod.mechanics.body import BodyKernel, body_of
 from zeromethod.mechanics.layer import layer_slopes
 from zeromethod.optics.prism import PrismGeometry
 from zeromethod.rig.model import Rig
@@ -51,12 +52,14 @@ class Yielding:
     """How stiff the rubber is, with its standard deviation, and what its body adds to a half-space.
 
     modulus_mpa: E / (1 - nu^2); a force F makes a dent q / distance in a half-space, q = F / (pi modulus).
-    relative_sigma: of forces, by what is open of modulus, Poisson's ratio and thickness.
+    relative_sigma: of forces, by what is open of modulus, Poisson's ratio and thickness. Of layer
+    and body one at most.
     """
 
     modulus_mpa: float
     relative_sigma: float
     layer: Layer | None = None
+    body: BodyKernel | None = None
 
     @classmethod
     def of(cls, rig: Rig) -> Yielding | None:
@@ -76,13 +79,15 @@ class Yielding:
             half = deep.length_mm / 2 * min(np.tan(deep.pattern_angle_rad), np.tan(deep.camera_angle_rad))
             return cls(modulus, math.hypot(relative, Layer(float(half), nu, True).change(None)))
         if rubber.thickness_mm is None:
-            return cls(modulus, relative)
+            return cls(modulus, relative, body=body_of(rig))
         layer = Layer(rubber.thickness_mm, nu, rubber.support == "bonded")
         other = replace(layer, thickness_mm=rubber.thickness_mm + rubber.thickness_sigma_mm)
         return cls(modulus, math.hypot(relative, layer.change(other)), layer)
 
     def added_slopes(self, at_mm: Float, middle_mm: Float) -> Float | None:
         """Slope (n, 2) at points (n, 2) that the body adds per q under a load at (2,); None: a half-space."""
+        if self.body is not None:
+            return self.body.slopes(at_mm, middle_mm)
         if self.layer is None:
             return None
         away = at_mm - middle_mm

@@ -66,10 +66,10 @@ class Tables:
         if "contacts/table" not in self._source.names:
             return np.zeros(0, row_dtype(CONTACTS))
         rows = self.rows("contacts")
-        whole = np.full(len(rows), np.nan, row_dtype(CONTACTS)) if len(rows) else rows
-        # files made before there were forces have no such columns
-        for name in rows.dtype.names or ():
-            whole[name] = rows[name]
+        whole = np.zeros(len(rows), row_dtype(CONTACTS))
+        for name in CONTACTS:
+            # files made before there were forces have no such columns
+            whole[name] = rows[name] if name in (rows.dtype.names or ()) else np.nan
         return whole
 
     def contact_images(self) -> Image:

@@ -7,20 +7,15 @@ Forces nearer to the mirror's borders count as at the nearest place inside.
 
 from __future__ import annotations
 
-import hashlib
-import json
-import os
-import zipfile
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.polynomial import chebyshev
 
 from zeromethod.arrays import Float
-from zeromethod.atomic_write import atomic_write
+from zeromethod.kept_arrays import kept_arrays
 from zeromethod.optics.prism import PrismGeometry
 from zeromethod.rig.tables import FaceSupports, Prism
 
@@ -146,39 +141,17 @@ class HeldPrism:
         return half + reach * chebyshev.chebpts1(counts[0]), wide * chebyshev.chebpts1(counts[1])
 
     @property
-    def key(self) -> str:
-        """Name of its file: all that it depends on, in short."""
-        parts: dict[str, Any] = {
+    def depends_on(self) -> dict[str, Any]:
+        """All that the kernel depends on, as JSON can have it."""
+        return {
             "version": _VERSION, "sizes": [CELLS, LINE_CELLS, PLACES, FORCES, INSET],
             "shape": [self.length_mm, self.pattern_rad, self.camera_rad, self.half_width_mm],
             "supports": self.supports.model_dump(), "poisson": self.poisson, "refined": self.refined,
         }  # fmt: skip
-        return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:20]
-
-
-def cache_folder() -> Path:
-    """Where kernels are kept: `ZEROMETHOD_CACHE`, else `zeromethod` in the user's cache folder."""
-    own = os.environ.get("ZEROMETHOD_CACHE")
-    if own:
-        return Path(own)
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "zeromethod"
 
 
 @lru_cache(4)
 def prism_kernel(prism: HeldPrism) -> PrismKernel:
-    """The kernel, from its file if there is one, else worked out and kept where the folder can be written."""
-    file = cache_folder() / f"prism-{prism.key}.npz"
-    try:
-        with file.open("rb") as kept_in, np.load(kept_in) as kept:
-            return PrismKernel(prism.length_mm, prism.half_width_mm, kept["coefficients"])
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
-        # none yet, or not a whole one
-        kernel = prism.kernel()
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        with atomic_write(file) as part, part.open("wb") as out:
-            np.savez(out, coefficients=kernel.coefficients)
-    except OSError:
-        # a folder that cannot be written costs the same time again in the next process
-        pass
-    return kernel
+    """The kernel, kept for the next time."""
+    made = kept_arrays("prism", prism.depends_on, lambda: {"coefficients": prism.kernel().coefficients})
+    return PrismKernel(prism.length_mm, prism.half_width_mm, made["coefficients"])
