@@ -95,6 +95,12 @@ def kernels_of(*commands: str) -> list[Kernel]:
     return [one for one in kernels() if not commands or one.command in commands]
 
 
+def load(room: str) -> None:
+    """Compile, or load as they were compiled, all of a room's functions: else the first call waits for it."""
+    for one in dict.fromkeys(each[1:] for each in kernels() if each.module.split(".")[1] == room):
+        _compile(*one)
+
+
 def compile_ahead(wanted: Sequence[Kernel], say: Callable[[str], None]) -> None:
     """Compile what is not yet compiled, module by module in a process for each core.
 

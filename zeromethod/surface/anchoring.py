@@ -22,6 +22,8 @@ _AGAIN_MM = 1e-4
 """Step of the constant above which it is found again: what is found depends on it by less than 1 in 2000."""
 _DOUBTFUL_MM = 1e-3
 """Sigma of the constant above which nodes may be chosen in several ways."""
+_SAME = 1e-3
+"""Share of the weight by which two choices of nodes may differ and count as the same."""
 _FAR_MM = 0.02
 """Far field above which to take it out of the slopes to first order is too rough for choosing nodes."""
 _MOST_FITS = 6
@@ -108,6 +110,15 @@ class Anchoring:
         self.fixed = abs(step_mm) < _AGAIN_MM or self._fits == _MOST_FITS
         self.fit = fit
         return step_mm
+
+    def chooses_so_after(self, first: Pass | None, read: Pass) -> bool:
+        """Whether a reading from rest, with this first pass, would have chosen the same nodes."""
+        if first is None or self._chosen is None:
+            return False
+        begun = self._anchors.nodes(first, 0.0, 1)[0].weights
+        contained_mm = mean(begun, read.depth / self._anchors.scale)
+        weights = self._anchors.nodes(read, contained_mm)[0].weights
+        return float(np.abs(weights - self._chosen.weights).sum()) < _SAME
 
     @property
     def doubtful(self) -> bool:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import enum
 import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 import scipy
+from numpy.typing import NDArray
 from scipy import ndimage
 
 from zeromethod.arrays import Float, Mask
@@ -297,11 +299,21 @@ def deeper_inside_mm(surface: Surface, measured: Mask, fitted: Mask, depth_mm: f
     unknown = ~measured & ~fitted & surface.on_mirror
     if not unknown.any():
         return 0.0
-    _, (row, col) = ndimage.distance_transform_edt(~surface.valid, return_indices=True)
+    row, col = _nearest(surface.valid.tobytes(), surface.valid.shape)
     rim = row[unknown], col[unknown]
     away = np.stack([a[unknown] - a[rim] for a in (surface.x_mm, surface.y_mm)], axis=-1)
     further = surface.depth_mm[rim] + (surface.slope[rim] * away).sum(axis=-1)
     return max(float(np.nanmax(np.sign(depth_mm) * further)) - abs(depth_mm), 0.0)
+
+
+@lru_cache(maxsize=2)
+def _nearest(measured: bytes, shape: tuple[int, ...]) -> NDArray[np.int32]:
+    """Row and column (2, rows, cols) of the nearest measured node; of a mask that mostly stays."""
+    mask = np.frombuffer(measured, bool).reshape(shape)
+    found: NDArray[np.int32] = ndimage.distance_transform_edt(
+        ~mask, return_distances=False, return_indices=True
+    )
+    return found
 
 
 def around_mm(surface: Surface, fitted: Mask, x_mm: float, y_mm: float, depth_mm: float) -> float:
