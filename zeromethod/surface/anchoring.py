@@ -16,6 +16,7 @@ from zeromethod.arrays import Float, Mask
 from zeromethod.rig.model import KnownRest
 from zeromethod.surface.anchor import MOST_CHOICES, Border, Quiet, RestFit, fit_known, known_nodes
 from zeromethod.surface.far_field import FarField, fit_far_field
+from zeromethod.surface.node_passes import step_of
 from zeromethod.surface.roughness import roughness
 
 _AGAIN_MM = 1e-4
@@ -92,7 +93,7 @@ class Anchoring:
         if self._weights is None:
             there = replace(read, depth=read.depth + scale * error)
             self._weights = self._anchors.nodes(there, 0.0, 1)[0].weights
-        return scale * (error - mean(self._weights, error)) * read.island
+        return step_of(scale, error, mean(self._weights, error), read.island)
 
     def choose(self, read: Pass) -> float:
         """Choose nodes and the far field; multiple of h to add to depth, mm."""
