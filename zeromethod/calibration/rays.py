@@ -8,6 +8,7 @@ import numpy as np
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.optics import Optics
+from zeromethod.optics.mirror import distance_to
 from zeromethod.optics.prism import Face, PrismGeometry
 from zeromethod.rig.model import Rig
 
@@ -56,4 +57,5 @@ class UnboundedOptics(Optics):
 
 def mirror_point(optics: Optics, u: Float, v: Float) -> Float:
     """Points (..., 2), x and y in mm, at which camera pixels u, v (...) look on the mirror at rest."""
-    return optics.trace(u, v, optics.rest).point[..., :2]
+    origin, direction = optics.rubber_rays(u, v)
+    return origin[..., :2] + distance_to(optics.rest, origin, direction)[..., None] * direction[..., :2]

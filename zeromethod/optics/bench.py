@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from zeromethod.arrays import Float
+from zeromethod.arrays import Float, Mask
 from zeromethod.optics.camera import Camera
 from zeromethod.optics.fresnel import fresnel, s_share
 from zeromethod.optics.joining import TOUCHES_MM, Joining
@@ -152,11 +152,7 @@ class Optics:
             LCD positions, mirror points, incidence, reflectance, paths, and why rays are lost.
         """
         point, outgoing, cos_incidence, reflectance = self.reflected(origin, direction, mirror)
-        on_mirror = self.prism.on_mirror(point[..., 0], point[..., 1])
-        q, path, exit_point = self._to_display(point, outgoing)
-        on_face = self.prism.pattern_face.contains(exit_point)
-        q[~(on_mirror & on_face)] = np.nan
-        path[~(on_mirror & on_face)] = np.nan
+        q, path, on_mirror, on_face = self._by_prism(point, outgoing)
         lost = np.select(
             [np.isnan(direction[..., 0]), ~on_mirror, ~on_face, np.isnan(path), ~self.panel.contains(q)],
             _REASONS,
@@ -184,9 +180,7 @@ class Optics:
         tuple of arrays
             Point (..., 3) mm, outgoing direction (..., 3), cos(incidence) and reflectance (...).
         """
-        point = origin + distance_to(mirror, origin, direction)[..., None] * direction
-        with np.errstate(invalid="ignore"):
-            normal = normal_of(mirror.gradient(point[..., 0], point[..., 1]))
+        point, normal = self._met(origin, direction, mirror)
         cosine, outgoing = dot(direction, normal), reflect(direction, normal)
         s, p = fresnel(cosine, self.rig.prism.index, 1.0)
         share = 0.5 if self.panel.field is None else s_share(-outgoing, normal, self.panel.field)
@@ -218,7 +212,9 @@ class Optics:
         (..., 2) array
             LCD positions, px.
         """
-        return self.trace(u, v, self.rest).q
+        origin, direction = self.rubber_rays(u, v)
+        point, normal = self._met(origin, direction, self.rest)
+        return self._by_prism(point, reflect(direction, normal))[0]
 
     def rubber_direction_to_lcd(self, point: Float, q: Float) -> Float:
         """Direction (..., 3), in the rubber, of the ray from a mirror point to an LCD position.
@@ -292,6 +288,21 @@ class Optics:
             return lcd_per_slope(
                 point, direction, gradient, self.prism.pattern_face, self.panel, slabs, self._last_index
             )
+
+    def _met(self, origin: Float, direction: Float, mirror: HeightField) -> tuple[Float, Float]:
+        """Where rays in the rubber meet a mirror that goes on beyond its borders: point mm, unit normal."""
+        point = origin + distance_to(mirror, origin, direction)[..., None] * direction
+        with np.errstate(invalid="ignore"):
+            return point, normal_of(mirror.gradient(point[..., 0], point[..., 1]))
+
+    def _by_prism(self, point: Float, outgoing: Float) -> tuple[Float, Float, Mask, Mask]:
+        """LCD position (..., 2) and path in mm (...), NaN off the mirror or the face; which are on each."""
+        on_mirror = self.prism.on_mirror(point[..., 0], point[..., 1])
+        q, path, exit_point = self._to_display(point, outgoing)
+        on_face = self.prism.pattern_face.contains(exit_point)
+        q[~(on_mirror & on_face)] = np.nan
+        path[~(on_mirror & on_face)] = np.nan
+        return q, path, on_mirror, on_face
 
     def _to_display(self, point: Float, outgoing: Float) -> tuple[Float, Float, Float]:
         """LCD position (..., 2), path in mm (...) and exit point (..., 3) on the pattern face's plane.

@@ -7,6 +7,8 @@ of windowed moments of the cells' sums, so a window costs the same at any number
 
 from __future__ import annotations
 
+import functools
+
 import numba
 import numpy as np
 
@@ -50,8 +52,9 @@ def _along_columns(field: Float, kernel: Float, out: Float) -> None:
                 total[i] += weight * line[i]
 
 
+@functools.cache
 def window(sigma: float, power: int = 0) -> Float:
-    """Weights x^power exp(-x^2 / 2 sigma^2) at whole cells x; sigma in cells."""
+    """Weights x^power exp(-x^2 / 2 sigma^2) at whole cells x; sigma in cells. Not to be written to."""
     reach = max(int(np.ceil(REACH * sigma)), 1)
     x = np.arange(-reach, reach + 1, dtype=np.float64)
     return np.asarray(x**power * np.exp(-0.5 * (x / sigma) ** 2))
