@@ -41,31 +41,30 @@ def tried_dents(
 ) -> Tried:
     """All that are tried for slopes `left` (2, n) of a variance (2, n). limits (4, 2): of a dent."""
     places = _PLACES[0] * _PLACES[1]
-    count = len(nodes.x[::_NODES])
-    about, slopes = np.empty((len(_SIZES) * places, 3)), np.empty((len(_SIZES) * places, 2 * count))
-    explained = np.empty(2 * count)
-    root = np.sqrt(known.weight[::_NODES] / variance[:, ::_NODES])
-    explained[:count], explained[count:] = root[0] * left[0, ::_NODES], root[1] * left[1, ::_NODES]
-    at_x, at_y = nodes.x[::_NODES].copy(), nodes.y[::_NODES].copy()
-    of_x, of_y = root[0] * nodes.gradient_x[::_NODES], root[1] * nodes.gradient_y[::_NODES]
-    quiet_x, quiet_y = quiet.x[::_QUIET].copy(), quiet.y[::_QUIET].copy()
-    share = _QUIET * known.share[::_QUIET] / quiet.scale[::_QUIET]
+    used = np.arange(0, len(nodes.x), _NODES)
+    about, slopes = np.empty((len(_SIZES) * places, 3)), np.empty((len(_SIZES) * places, 2 * len(used)))
+    root, explained = np.empty((2, len(used))), np.empty(2 * len(used))
+    for k in range(len(used)):
+        i = used[k]
+        for axis in range(2):
+            root[axis, k] = np.sqrt(known.weight[i] / variance[axis, i])
+            explained[2 * k + axis] = root[axis, k] * left[axis, i]
     for one in range(len(about)):
         across, down = one % places % _PLACES[0], one % places // _PLACES[0]
         x = limits[0, 0] + (limits[0, 1] - limits[0, 0]) * across / (_PLACES[0] - 1)
         y = limits[1, 0] + (limits[1, 1] - limits[1, 0]) * down / (_PLACES[1] - 1)
         about[one] = x, y, _SIZES[one // places] / diagonal_mm
         z_r2, border = 0.5 * about[one, 2] ** 2, 0.0
-        for i in range(len(share)):
-            away2 = (quiet_x[i] - x) ** 2 + (quiet_y[i] - y) ** 2
-            border += share[i] / (1.0 + z_r2 * away2)
-        to = slopes[one]
-        for k in range(count):
-            to_x, to_y = at_x[k] - x, at_y[k] - y
+        for i in range(0, len(known.share), _QUIET):
+            away2 = (quiet.x[i] - x) ** 2 + (quiet.y[i] - y) ** 2
+            border += _QUIET * known.share[i] / quiet.scale[i] / (1.0 + z_r2 * away2)
+        for k in range(len(used)):
+            i = used[k]
+            to_x, to_y = nodes.x[i] - x, nodes.y[i] - y
             shape = 1.0 / (1.0 + z_r2 * (to_x * to_x + to_y * to_y))
             steep = -2.0 * z_r2 * shape * shape
-            to[k] = root[0, k] * steep * to_x - border * of_x[k]
-            to[count + k] = root[1, k] * steep * to_y - border * of_y[k]
+            slopes[one, 2 * k] = root[0, k] * (steep * to_x - border * nodes.gradient_x[i])
+            slopes[one, 2 * k + 1] = root[1, k] * (steep * to_y - border * nodes.gradient_y[i])
     return Tried(about, slopes, explained, limits[3, 1])
 
 
