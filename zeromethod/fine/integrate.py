@@ -195,7 +195,7 @@ def _profile(weights: Single, axis: int) -> Float:
     if not known.any():
         return np.ones(len(count))
     at = np.arange(len(count))
-    return np.interp(at, at[known], total[known] / count[known])
+    return np.asarray(np.interp(at, at[known], total[known] / count[known]))
 
 
 def _dot(one: Single, other: Single) -> float:
