@@ -2,7 +2,7 @@
 
 Noise of depth varies slowly over the view, so that a fit of few pixels hardly averages it. The top is the
 connected part around the deepest pixel that is at least 0.7 as deep: of a Gaussian dent 0.85 sigma, where a
-quartic is off by 0.02 %. Less of it is taken where a quartic misses it by more than noise: flat punches.
+quartic is off by 0.03 %. Less of it is taken where a quartic misses it by more than noise: flat punches.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ _LEAST_PX = 4
 """Half width of the least square of pixels: a fifth of a millimetre on the packaged bench."""
 _TOPS = 0.7, 0.85, 0.93
 """Share of the largest depth that a pixel of the top has, until a quartic describes it."""
-_NOISES, _SHARE = 3.0, 2e-4
+_NOISES, _SHARE = 3.0, 5e-5
 """Most that a quartic may miss a top by, rms: so many times what it misses the least square by, or a share
 of the depth."""
 _MOST_PIXELS = 20_000
