@@ -20,10 +20,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
 
 import click
 import numpy as np
 
+from benchmarks.parts import Parts, part_options
 from benchmarks.report import Figure, Report, benchmark, start
 from benchmarks.rigs import changed
 from zeromethod.arrays import Float
@@ -42,6 +45,7 @@ from zeromethod.calibration import (
     fit,
 )
 from zeromethod.calibration.rays import UnboundedOptics, mirror_point
+from zeromethod.cli.numbers import Whole
 from zeromethod.errors import InputError
 from zeromethod.optics import Dented, Optics, check_geometry
 from zeromethod.rig.binning import binned
@@ -49,7 +53,6 @@ from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
 from zeromethod.simulation.press import Dent, Mirror, Shape
 from zeromethod.surface.comparison import true_peak_mm, usable_nodes
-from zeromethod.view.progress import progress
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.jacobian import warp_flags
 from zeromethod.warp.validity import Flag
@@ -327,33 +330,38 @@ def details_of(cases: Mapping[str, dict[str, float]]) -> list[list[str]]:
     return [header, *rows]
 
 
-def report(benches: int, *, wide: bool) -> Report:
-    """Study `benches` benches."""
+def report(benches: int, *, wide: bool, parts: Parts) -> Report:
+    """Study `benches` benches, or those of them that are still missing in `parts`."""
     nominal = load_rig("simulated")
     if wide:
         nominal = changed(nominal, camera={"focal_px": (WIDE_FOCAL_PX, WIDE_FOCAL_PX)})
     nominal = binned(nominal, BINNING)
-    outcomes: list[Outcome] = []
-    with progress(benches, "benches") as bar:
-        for number in range(benches):
-            outcomes += study_bench(number, nominal)
-            bar()
+    runs = parts.run(benches, "benches", lambda number: [_kept(one) for one in study_bench(number, nominal)])
+    outcomes = [Outcome(**one) for run in runs for one in run]
     cases = {case: summarise(outcomes, case) for case in (*CASES, "(the true rig)")}
     return Report(
         "Depth of other presses on unknown benches",
-        figures_of(cases, benches),
+        figures_of(cases, len(runs)),
         details_of(cases),
         {"outcomes": [asdict(o) for o in outcomes], "cases": cases},
     )
+
+
+def _kept(one: Outcome) -> dict[str, Any]:
+    """As JSON can hold it."""
+    return {name: list(map(float, v)) if isinstance(v, tuple) else v for name, v in asdict(one).items()}
 
 
 @benchmark(
     "calibration_study",
     __doc__,
     click.option("--wide", is_flag=True, help="A shorter lens that sees both edges of the mirror."),
+    click.option("--benches", type=Whole(min=1), help="How many.  [default: 10, --quick: 3]"),
+    part_options,
 )
-def command(quick: bool, wide: bool) -> Report:
-    return report(3 if quick else 10, wide=wide)
+def command(quick: bool, wide: bool, benches: int | None, keep: Path | None, most_runs: int | None) -> Report:
+    count = benches or (3 if quick else 10)
+    return report(count, wide=wide, parts=Parts(keep, most_runs, wide=wide))
 
 
 if __name__ == "__main__":

@@ -65,9 +65,9 @@ OPEN_GAIN = 1e-9
 class FourierReader(FineReader):
     """Reads by Fourier demodulation of each frame, averaged over the frames, in place of the fit in time."""
 
-    def _demodulated(self, images: Image, design: Design) -> Demodulated:
+    def _demodulated(self, images: Sequence[Image], design: Design) -> Demodulated:
         fit = super()._demodulated(images, design)
-        rows, cols = images.shape[1:]
+        rows, cols = images[0].shape
         v, u = np.mgrid[:rows, :cols].astype(float)
         period = self._grid.period_px
         ideal = np.rint(200 * Target("cosines", period).light(u, v)).astype(np.uint8)

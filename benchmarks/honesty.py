@@ -14,10 +14,10 @@ resting. No honest run may be named. Nodes are counted in every frame that is ca
 
 from __future__ import annotations
 
+import functools
 import math
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +35,7 @@ from benchmarks.calibration_benches import (
 )
 from benchmarks.calibration_study import KNOWN_MM
 from benchmarks.hand_presses import any_press, can_be_nulled
+from benchmarks.parts import Parts, part_options
 from benchmarks.report import Figure, Report, benchmark, start
 from benchmarks.rigs import changed, small_rig
 from zeromethod.calibration import build, describe
@@ -54,7 +55,6 @@ from zeromethod.simulation.path import PathPoint, PressPath
 from zeromethod.simulation.press import Dent, Shape
 from zeromethod.simulation.scenario import Scenario
 from zeromethod.surface import Peak, Surface
-from zeromethod.view.progress import progress
 
 SIGMAS, FAR_SIGMAS = 3.0, 5.0
 FRAMES_TO_NAME = 10
@@ -75,13 +75,18 @@ BEYOND = "honest, folds or too fine"
 
 @dataclass(frozen=True)
 class Case:
-    """One run on a bench that truly stands as `bench`. fault_at: frame, None for an honest run."""
+    """One run on a bench that truly stands as `bench`.
+
+    fault_at: frame, None for an honest run. calibration: number of the one that `believed` comes from; None
+    where it is as given.
+    """
 
     kind: str
     bench: Rig
     believed: Rig
     dents: tuple[Dent, ...]
     fault_at: int | None = None
+    calibration: int | None = None
 
 
 @dataclass
@@ -117,16 +122,17 @@ def pressed(rig: Rig, dents: Sequence[Dent]) -> Scenario:
     return Scenario("pressed", tuple(paths), 1e9)
 
 
-def honest(rigs: Sequence[tuple[Rig, Rig]], count: int) -> Iterator[Case]:
-    """Honest presses, by turns on every (bench, believed rig)."""
+def honest(benches: Sequence[tuple[Rig, int | None]], count: int) -> Iterator[Case]:
+    """Honest presses, by turns on every bench; with the number of its calibration, None: known geometry."""
     draw = np.random.default_rng([SEED, 0])
-    views = [View(bench) for bench, _ in rigs]
+    views = [View(bench) for bench, _ in benches]
     for number in range(count):
-        bench, believed = rigs[number % len(rigs)]
-        name = "honest, calibrated" if bench is not believed else "honest, known geometry"
+        bench, calibration = benches[number % len(benches)]
+        name = "honest, known geometry" if calibration is None else "honest, calibrated"
         seeded = changed(bench, simulation={"seed": number})
-        dents = any_press(views[number % len(rigs)], draw)
-        yield Case(name if can_be_nulled(bench, dents) else BEYOND, seeded, believed, dents)
+        dents = any_press(views[number % len(benches)], draw)
+        kind = name if can_be_nulled(bench, dents) else BEYOND
+        yield Case(kind, seeded, bench, dents, calibration=calibration)
 
 
 def bumps(bench: Rig, believed: Rig) -> Iterator[Case]:
@@ -171,11 +177,17 @@ def uncalibrated(believed: Rig) -> Iterator[Case]:
             break
 
 
-def calibrated(folder: Path, number: int) -> tuple[Rig, Rig]:
-    """A drawn bench, and the rig that a calibration with three known presses makes of it."""
-    draw = np.random.default_rng([SEED, 2, number])
-    given = nominal()
-    bench = drawn(given, draw, SEED + number)
+def bench_of(number: int) -> Rig:
+    """A drawn bench."""
+    return drawn(nominal(), np.random.default_rng([SEED, 2, number]), SEED + number)
+
+
+def calibrated(folder: Path, number: int) -> Rig:
+    """The rig that a calibration with three known presses makes of a drawn bench; kept in the folder."""
+    kept = folder / f"calibrated{number}.json"
+    if kept.exists():
+        return Rig.model_validate_json(kept.read_text())
+    given, bench = nominal(), bench_of(number)
     view = View(bench)
     known = [
         Dent(Shape.GAUSSIAN, *view.place(share, 0.5), KNOWN_MM, KNOWN_SIGMA_MM) for share in KNOWN_SHARES
@@ -183,7 +195,9 @@ def calibrated(folder: Path, number: int) -> tuple[Rig, Rig]:
     recorded, found, _ = recorded_of(given, bench, known, (KNOWN_MM,) * len(known))
     rest_map = folder / f"rest{number}.npz"
     found.rest_map.save(rest_map)
-    return bench, on_rest(evaluate(recorded, found).rig, rest_map)
+    rig = on_rest(evaluate(recorded, found).rig, rest_map)
+    kept.write_text(rig.model_dump_json(exclude_unset=True))
+    return rig
 
 
 def judged(case: Case) -> Outcome:
@@ -254,20 +268,25 @@ def by_place_mm(surface: Surface, peak: Peak, mirror: DepthField) -> float:
     )
 
 
-def report(count: int, *, faults: bool) -> Report:
-    """Run `count` honest presses, and all faults."""
+def report(count: int, *, faults: bool, parts: Parts) -> Report:
+    """Run `count` honest presses, and all faults, or those of them that are still missing in `parts`."""
     known = small_rig().model_copy(update={"scenario": "none"})
-    with tempfile.TemporaryDirectory() as folder:
-        rigs = [rig for k in range(BENCHES) for rig in ((known, known), calibrated(Path(folder), k))]
-        cases = list(honest(rigs, count))
+    with parts.folder() as folder:
+        calibrate = functools.cache(functools.partial(calibrated, folder))
+        benches: list[tuple[Rig, int | None]] = []
+        for number in range(BENCHES):
+            benches += [(known, None), (bench_of(number), number)]
+        cases = list(honest(benches, count))
         if faults:
             cases += [*bumps(known, known), *uncalibrated(known)]
-        outcomes = []
-        with progress(len(cases), "runs") as advance:
-            for case in cases:
-                outcomes.append(judged(case))
-                advance(case.kind)
-    return summarise(outcomes)
+
+        def run(number: int) -> dict[str, Any]:
+            case = cases[number]
+            if case.calibration is not None:
+                case = replace(case, believed=calibrate(case.calibration))
+            return asdict(judged(case))
+
+        return summarise([Outcome(**kept) for kept in parts.run(len(cases), "runs", run)])
 
 
 def summarise(outcomes: Sequence[Outcome]) -> Report:
@@ -334,10 +353,12 @@ def _early(runs: Sequence[Outcome], state: str) -> Figure:
     __doc__,
     click.option("--presses", type=Whole(min=2), default=HONEST, show_default=True, help="Honest presses."),
     click.option("--faults/--no-faults", default=True, help="Plant the faults, too."),
+    part_options,
 )
-def command(quick: bool, presses: int, faults: bool) -> Report:
+def command(quick: bool, presses: int, faults: bool, keep: Path | None, most_runs: int | None) -> Report:
     """Run everything."""
-    return report(HONEST_QUICK if quick else presses, faults=faults)
+    count = HONEST_QUICK if quick else presses
+    return report(count, faults=faults, parts=Parts(keep, most_runs, presses=count))
 
 
 if __name__ == "__main__":

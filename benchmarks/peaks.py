@@ -20,6 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.parts import Parts, part_options
 from benchmarks.report import Figure, Report, benchmark, start
 from benchmarks.rigs import VIEW_MIDDLE_MM, changed, coarser, opened
 from zeromethod.loop.state import State
@@ -28,7 +29,6 @@ from zeromethod.rig.model import Rig
 from zeromethod.simulation.press import Shape
 from zeromethod.surface import SurfaceReader, peak
 from zeromethod.surface.comparison import true_peak_mm
-from zeromethod.view.progress import progress
 
 PRESSES, QUICK = 240, 40
 AT_ONCE = 20
@@ -191,19 +191,16 @@ def _row(name: str, found: Sequence[Found]) -> list[str]:
     ]
 
 
-def report(count: int = PRESSES) -> Report:
-    """All presses."""
+def report(count: int, kept: Parts) -> Report:
+    """All presses, or those of them that are still missing in `kept`."""
     rig = load_rig("simulated")
     presses = random_presses(count)
     narrow = [p for p in presses if p.size_mm < NARROW_MM]
     wide = [p for p in presses if p.size_mm >= NARROW_MM]
     series = [(middle_of_the_view(rig), narrow), (coarser(rig, 2), wide)]
     parts = [(r, all_of[k : k + AT_ONCE]) for r, all_of in series for k in range(0, len(all_of), AT_ONCE)]
-    found: list[Found] = []
-    with progress(len(parts), "presses") as bar:
-        for bench, part in parts:
-            found += through_the_loop(bench, part)
-            bar()
+    runs = kept.run(len(parts), "presses", lambda k: [asdict(one) for one in through_the_loop(*parts[k])])
+    found = [Found(**one) for run in runs for one in run]
     groups = {"all": found}
     groups |= {motion: [f for f in found if f.motion == motion] for motion in dict.fromkeys(MOTIONS)}
     groups |= {kind: [f for f in found if f.kind == kind] for kind in KINDS}
@@ -234,9 +231,10 @@ def report(count: int = PRESSES) -> Report:
     return Report("Peaks of random presses", figures, [header, *rows], {"peaks": [asdict(f) for f in found]})
 
 
-@benchmark("peaks", __doc__)
-def command(quick: bool) -> Report:
-    return report(QUICK if quick else PRESSES)
+@benchmark("peaks", __doc__, part_options)
+def command(quick: bool, keep: Path | None, most_runs: int | None) -> Report:
+    count = QUICK if quick else PRESSES
+    return report(count, Parts(keep, most_runs, presses=count))
 
 
 if __name__ == "__main__":

@@ -7,7 +7,9 @@ from command_line import run
 
 from benchmarks import against_peers as bench
 from benchmarks.against_peers import __main__ as against_peers
+from benchmarks.parts import Parts
 from benchmarks.report import Figure, Report, benchmark, start
+from zeromethod.errors import InputError
 
 
 @pytest.mark.parametrize(("met", "code"), [(True, 0), (None, 0), (False, 1)])
@@ -28,6 +30,20 @@ def test_a_figure_that_misses_its_bar_makes_the_exit_code_1(met, code, tmp_path,
     assert "0.3 %" in out
     assert ("MISSED" in out) is (met is False)
     assert '"met": ' in summary.read_text()
+
+
+def test_a_benchmark_in_parts_goes_on_from_what_it_kept(tmp_path):
+    kept, ran = tmp_path / "kept.jsonl", []
+
+    def one(number: int) -> dict[str, int]:
+        ran.append(number)
+        return {"squared": number**2}
+
+    assert Parts(kept, 2, presses=4).run(4, "runs", one) == [{"squared": 0}, {"squared": 1}]
+    assert [one["squared"] for one in Parts(kept, None, presses=4).run(4, "runs", one)] == [0, 1, 4, 9]
+    assert ran == [0, 1, 2, 3]
+    with pytest.raises(InputError, match="made by other code or settings"):
+        Parts(kept, None, presses=5)
 
 
 def test_displacement_is_measured_next_to_its_peers_and_written(tmp_path):

@@ -49,6 +49,7 @@ HELPERS = {
     "memory_devices",
     "processor_time",
     "fringe_bench",
+    "parts",
     "against_peers",
 }
 BENCHMARKS = sorted({path.stem for path in Path(str(benchmarks.__file__)).parent.glob("*.py")} - HELPERS)
@@ -57,8 +58,11 @@ REFUSALS = [
     ("walk", "No such command 'walk'"),
     ("run --colour red", "--colour"),
     ("run --rig nowhere.toml", "nowhere.toml"),
-    ("run --rig nothing", "rig: \"nothing\": a file, or one of the packaged cylinder, dome, paper"),
-    ("run --scenario nothing", "nothing: "),
+    ("run --rig nothing", "--rig: \"nothing\": a file, or one of the packaged cylinder, dome, paper"),
+    ("run --rig calibrations", "\"calibrations\": a folder: give the file in it: calibrations/my/b/rig.toml"),
+    ("check --rig calibrations/my/a", "a folder: give the file in it: calibrations/my/a/rig.toml"),
+    ("run --scenario nothing", "--scenario: nothing: a press file (.toml), or one of ball, bars, cone"),
+    ("virtual-bench --scenario nothing", "--scenario: nothing: a press file (.toml), or one of ball"),
     ("run --gain 2", "--gain: 2: a number above 0, at most 1"),
     ("run --frames 0", "--frames: 0: a whole number from 1"),
     ("run --frames 3 --seconds 1", "--frames and --seconds: give one of them, not both"),
@@ -177,7 +181,7 @@ REFUSALS = [
     ("study gain-delay --cluster tcp://127.0.0.1:9 --workers 2", "--workers: 2: not with --cluster"),
     ("study gain-delay --output notes.h5", "--output"),
     ("study gain-delay --summary a.txt", "--summary: a.txt: the file name must end in .json"),
-    ("design nowhere", "rig: "),
+    ("design nowhere", "RIG: \"nowhere\": a file, or one of"),
     ("design small.toml --vary angle=45", "--vary: 'angle=45'"),
     ("design small.toml --vary angel=45:60", "--vary: 'angel'"),
     ("design small.toml --press needle:1", "--press: 'needle:1'"),
@@ -218,6 +222,8 @@ REFUSALS = [
     (f"{CALIBRATE} --intrinsics nowhere.toml", "--intrinsics: nowhere.toml"),
     (f"{CALIBRATE} --summary found.txt", "--summary"),
     (f"{CALIBRATE} --show", "no calibration"),
+    ("calibrate --rig nothing --show", "--rig: \"nothing\": a file, or"),
+    ("calibrate --press-depths 0.2 0.15", "--press-depths: 0.15 by itself: commas between depths"),
     ("calibrate --show", "--show"),
     ("calibrate --show nowhere", "nowhere"),
     ("calibrate --show nowhere --known gap_mm=0.5:0.1", "--known: not with --show; allowed: --rig, --sum"),
@@ -256,7 +262,7 @@ REFUSALS = [
     ("init my.txt", "must end in .toml"),
     ("init no/my.toml", "does not exist"),
     ("init my.toml --lens 900", "--lens"),
-    ("init my.toml --from nothing", "nothing"),
+    ("init my.toml --from nothing", "--from: \"nothing\": a file, or one of the packaged cylinder"),
     ("calibrate fringes --shifts 6 --panel 64 48 --output x", "--periods"),
     (f"{FRINGES} --output x", "--rig and --panel: give one of them: the size of the LCD\n"),
     (f"{FRINGES} --rig simulated --panel 64 48 --output x", "--rig and --panel: give one of them"),
@@ -287,6 +293,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name in ("folder.h5", "taken.png", "taken.json", "taken.html"):
         (folder / name).mkdir()
     (folder / "nul.png").symlink_to(os.devnull)
+    for name in "ab":
+        (folder / "calibrations" / "my" / name).mkdir(parents=True)
+        (folder / "calibrations" / "my" / name / "rig.toml").touch()
     for name in ("notes.h5", "notes.tif"):
         (folder / name).write_text("no recording, no image")
     os.utime(folder / "notes.h5", (time.time() - 60,) * 2)

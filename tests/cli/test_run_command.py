@@ -24,6 +24,7 @@ def test_a_press_is_nulled_read_recorded_and_drawn(tmp_path):
     files = ("--record", path, "--figure", figure, "--summary", summary)
     code, out, err = run(line, small_rig(tmp_path), *files)
     assert (code, err) == (0, "")
+    assert out.startswith("rig 'simulated' is simulated: real devices are named by --display and --camera\n")
     assert "peak depth read" in out
     assert f"recorded in {path} (" in out
     assert "not kept" not in out

@@ -1,7 +1,9 @@
 """The check at the start of a day, on simulated benches that stand otherwise than they were calibrated."""
 
 import csv
+import re
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +17,7 @@ from zeromethod.commissioning.daily_check.log import COLUMNS, append_check, log_
 from zeromethod.commissioning.daily_check.rest import depth_percent_per_px
 
 from .calibration.planted import Hand, nominal
+from .setting_up_benches import Altered
 
 RIG = nominal()
 MIDDLE_MM = (40.0, 0.0)
@@ -78,6 +81,29 @@ def test_a_late_display_is_reported_with_its_delay():
     assert found.figures["delay_change_ms"] == pytest.approx(10.0, abs=0.17)
 
 
+@pytest.mark.parametrize(("strips", "fitness"), [("edges", Fitness.GOOD), ("none", Fitness.DRIFTED)])
+def test_a_delay_that_is_not_steady_is_judged_by_what_it_does_to_depth(strips, fitness):
+    """Stamps off by up to 24 ms either way, as on a busy computer; strips time every frame all the same."""
+    rng = np.random.default_rng(3)
+    rig = with_tables(RIG, control={"strips": strips})
+    with open_devices(RIG) as devices:
+        camera = devices.camera
+        devices.camera = Altered(
+            camera,
+            read=lambda timeout_s: replace(
+                frame := camera.read(timeout_s), time_ns=frame.time_ns + round(1e6 * rng.uniform(-24, 24))
+            ),
+        )
+        found = check_bench(rig, devices)
+    delay = of(found, Subject.DELAY)
+    assert delay.fitness is fitness, found.verdict
+    # uniform over 48 ms: 1.48 times the median deviation of 12 ms, of some 24 frames
+    assert delay.figures["delay_scatter_ms"] == pytest.approx(17.8, abs=9)
+    assert re.search(
+        r"computer too busy\?; .* moves by 1 mm/s is read up to \d+ µm off in depth$", delay.words
+    )
+
+
 def test_a_press_that_reads_wrong_asks_for_a_calibration():
     found = checked(RIG, press_mm=0.11, true_mm=0.1)
     assert found.fitness is Fitness.RECALIBRATE
@@ -122,6 +148,10 @@ def test_every_check_is_a_line_of_one_table(tmp_path, untouched):
     assert rows[0]["fitness"] == "good"
     assert float(rows[1]["press_read_mm"]) == pytest.approx(untouched.figures["press_read_mm"], rel=1e-5)
     assert set(untouched.figures) <= set(COLUMNS)
+    # a table that another version began keeps its columns
+    path.write_text("time,fitness\n")
+    append_check(path, untouched)
+    assert path.read_text().splitlines()[1].endswith(",good")
 
 
 def test_the_table_lies_where_calibrations_go(tmp_path):

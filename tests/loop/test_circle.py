@@ -8,6 +8,7 @@ from node_bench import LCD_PER_CAMERA, PERIOD_PX, SIGMA_PX, NodeBench, dent, pan
 
 from zeromethod.control.stability_margin import stability_margin
 from zeromethod.loop.events import Event
+from zeromethod.loop.rest_memory import RestMemory
 from zeromethod.loop.state import LOCK_RESIDUAL_PX
 from zeromethod.rig.model import ControlSpec
 
@@ -191,4 +192,5 @@ def test_the_state_at_rest_is_distinguished_from_a_light_press():
         bench = NodeBench(REST, step(peak, at_s=0.0))
         *_, taken = bench.run(30)
         assert taken.measured is not None
-        assert bench.circle.at_rest(taken.measured) is resting
+        memory = RestMemory(REST.grid.shape)
+        assert memory.at_rest(bench.circle.controller.estimate, taken.measured, REST.q) is resting

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from node_bench import SIGMA_PX, dent, rest_warp
 
+from zeromethod.loop.rest_memory import RestMemory
 from zeromethod.loop.state import LOCK_RESIDUAL_PX
 from zeromethod.loop.zero import FRAMES, LARGEST_LCD_PX, PATIENCE_FRAMES, NoZero, ZeroTaking
 from zeromethod.warp.validity import Flag
@@ -25,7 +26,7 @@ def warp(away: np.ndarray | float, hidden: np.ndarray | None = None) -> Warp:
 
 def taken(*aways: np.ndarray | float, hidden: np.ndarray | None = None) -> np.ndarray | str | None:
     """What comes of frames with these displacements."""
-    taking = ZeroTaking(REST)
+    taking = ZeroTaking(REST, REST.q, RestMemory(REST.grid.shape))
     for away in aways[:-1]:
         assert taking.take(warp(away, hidden), 0.01) is None
     return taking.take(warp(aways[-1], hidden), 0.01)
@@ -89,7 +90,7 @@ def test_half_a_mirror_is_not_enough():
 
 
 def test_frames_that_are_not_nulled_do_not_count_and_patience_ends():
-    taking = ZeroTaking(REST)
+    taking = ZeroTaking(REST, REST.q, RestMemory(REST.grid.shape))
     for _ in range(FRAMES - 1):
         assert taking.take(warp(0.0), 0.01) is None
     for frame in range(FRAMES, PATIENCE_FRAMES):

@@ -11,7 +11,7 @@ from zeromethod import load_rig
 from zeromethod.devices.protocols import Frame
 from zeromethod.exposure.pairing import Observation
 from zeromethod.loop.measured_warp import Known
-from zeromethod.loop.order_check import ENLARGED, LONGEST_S, STEADY_FRAMES, Order, OrderCheck
+from zeromethod.loop.order_check import ENLARGED, LONGEST_S, STEADY_FRAMES, SUDDEN_FRAMES, Order, OrderCheck
 from zeromethod.loop.state import State
 from zeromethod.sensing.residual import Residual
 from zeromethod.warp.warp import Role, Warp
@@ -23,13 +23,18 @@ FRAME_NS = round(1e9 / 60)
 
 
 class View:
-    """Frames of a mirror that displaces the picture of rest by `d` (rows, cols, 2) camera px."""
+    """Frames of a mirror that displaces the picture of rest by `d` (rows, cols, 2) camera px.
 
-    def __init__(self, diagonal: bool = False) -> None:
+    late: frames from what is asked for to the one that sees it. What is expected is what was seen last.
+    """
+
+    def __init__(self, diagonal: bool = False, late: int = 0) -> None:
         self.check = OrderCheck(REST, diagonal=diagonal)
         self.diagonal = diagonal
         self.draw = np.random.default_rng(3)
         self.frames = 0
+        self.last = np.zeros_like(REST.q)
+        self.asked: list[np.ndarray | None] = [None] * late
 
     def wrapped(self, d: np.ndarray) -> np.ndarray:
         """What the sensor reads: neighbours agree on their periods, and all are brought near to zero."""
@@ -43,10 +48,12 @@ class View:
 
     def look(self, d: np.ndarray, every_ns: int = FRAME_NS) -> Known | None:
         """One frame of what the check wants to be shown: the target at rest, or enlarged."""
-        shown = self.check.commanded
+        self.asked.append(self.check.commanded)
+        shown = self.asked.pop(0)
         larger = shown is not None and not np.array_equal(shown, REST.q)
         away = np.stack([U, V], axis=-1) - MIDDLE
-        true = (1 + ENLARGED) * (away + d) - away if larger else d
+        true, expected = ((1 + ENLARGED) * (away + one) - away if larger else one for one in (d, self.last))
+        self.last = d
         residual = Residual.empty(REST.grid)
         residual.d[:], residual.sigma[:] = self.wrapped(true), SIGMA_PX
         residual.flags[:] = np.where(REST.visible, 0, residual.flags)
@@ -54,7 +61,7 @@ class View:
         warp = Warp.drawn(REST.q if shown is None else shown, Role.SHOWN, self.frames * every_ns)
         frame = Frame(np.zeros((1, 1), np.uint8), warp.time_ns, 8_000_000, self.frames)
         seen = Observation(frame, warp, None, np.zeros(1, np.int64), np.ones((1, 1)), None)
-        expected = np.where(REST.visible[..., None], 0.0, np.nan)
+        expected = np.where(REST.visible[..., None], self.wrapped(expected), np.nan)
         return self.check.look(seen, residual, Known(REST.q, REST.visible, expected))
 
     def order(self, every_ns: int = FRAME_NS) -> Order:
@@ -93,10 +100,39 @@ def test_where_a_quarter_of_the_view_is_at_rest_nothing_is_doubted():
 def test_a_jump_of_the_whole_view_is_doubted_and_slow_motion_is_not():
     view = View()
     view.look(plane(0.0, 0.0, 0.0))
-    view.look(plane(1.0, 0.0, 0.0))
+    view.look(plane(0.2, 0.0, 0.0))
     assert view.order() is Order.KNOWN
     view.look(plane(5.0, 0.0, 0.0))
     assert view.order() is Order.DOUBTED
+
+
+@pytest.mark.parametrize(("frames", "until_found"), [(1, 3), (2, 8)])
+@pytest.mark.parametrize("away_px", [(1.9, -1.0), (0.6, 0.6), (-1.0, 0.0)])
+def test_a_jump_by_whole_periods_to_within_an_eighth_is_found(away_px, frames, until_found):
+    """Phase shows what is left over alone: the view moves a little, and is still again."""
+    d = plane(2 * PERIOD_PX + away_px[0], away_px[1] - PERIOD_PX, 0.0)
+    view = View(late=2)
+    for _ in range(3):
+        view.look(plane(0.0, 0.0, 0.0))
+    on_the_way = plane(PERIOD_PX + 0.5 * away_px[0], 0.5 * away_px[1], 0.0)
+    for moved in (d,) if frames == 1 else (on_the_way, d):
+        assert view.look(moved) is None
+        assert view.order() is Order.DOUBTED
+    found = next(one for one in (view.look(d) for _ in range(until_found)) if one is not None)
+    assert view.order() is Order.KNOWN
+    away = np.stack([U, V], axis=-1) - MIDDLE
+    true = (1 + ENLARGED) * (away + d) - away
+    np.testing.assert_allclose(found.residual_px[found.trusted], true[found.trusted], atol=8 * SIGMA_PX)
+
+
+def test_a_press_that_leaves_a_tenth_of_the_view_still_is_not_doubted_and_motion_that_goes_on_for_a_moment():
+    view, press = View(late=2), plane(1.0, 0.0, 0.0)
+    press[: U.shape[0] // 5] = 0.0
+    for d in (0 * press, press, press):
+        view.look(d)
+        assert view.order() is Order.KNOWN
+    doubted = [view.look(press + 0.5 * k) or view.order() is Order.DOUBTED for k in range(1, 12)]
+    assert doubted == [True] * SUDDEN_FRAMES + [False] * (11 - SUDDEN_FRAMES)
 
 
 def test_order_is_doubted_after_a_gap_without_frames():
@@ -122,11 +158,14 @@ def test_while_the_mirror_moves_nothing_is_found_and_after_a_second_it_is_said_t
     assert view.order() is Order.KNOWN
 
 
-@pytest.mark.parametrize("press_s", [0.0, 0.15])
-def test_a_press_that_moves_the_whole_view_by_periods_is_nulled_at_the_right_order(press_s):
-    """A dent as wide as the prism, half of it out of view: 46 px, a period is 16; before, or suddenly."""
+@pytest.mark.parametrize(("press_s", "depth_mm"), [(0.0, 2.5), (0.15, 1.86)])
+def test_a_press_that_moves_the_whole_view_by_periods_is_nulled_at_the_right_order(press_s, depth_mm):
+    """A dent as wide as the prism, half of it out of view.
+
+    There from the start it moves the picture by 46 px, three periods of 16; suddenly, by two and 2 px.
+    """
     at = VIEW_MIDDLE_MM + 90.0, 0.0
-    with pressed(load_rig("simulated"), step_path(press_s, 2.5), 100.0, at) as rig, opened(rig) as bench:
+    with pressed(load_rig("simulated"), step_path(press_s, depth_mm), 100.0, at) as rig, opened(rig) as bench:
         *_, step = bench.loop.run(frames=round(60 * press_s) + 20)
         moved = bench.true_warp(bench.truth(step.time_ns))
     assert step.measured is not None

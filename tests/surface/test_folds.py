@@ -4,12 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import ndimage
 from surface_bench import Gauss, Several
 
 from zeromethod.simulation.press import Dent, Mirror, Shape
 from zeromethod.surface import SurfaceReader, peak
 from zeromethod.warp.jacobian import warp_flags
 from zeromethod.warp.validity import Flag
+
+RING_CURVATURE = 0.446
+"""Largest curvature of a Gaussian dent outside its bottom, where it folds first, over depth / sigma^2."""
 
 
 def flagged(warp, nodes, flag):
@@ -106,6 +110,37 @@ def test_a_contact_without_light_leaves_open_what_is_inside(small, sign):
     assert abs(sign * 0.1 - found.depth_mm) < 2 * found.sigma_mm
     # what was measured next to the contact is as well known as ever
     assert found.sigma_local_mm < 0.02 * abs(found.depth_mm)
+
+
+@pytest.mark.parametrize("sigma_mm", [0.8, 1.0, 1.5])
+@pytest.mark.parametrize("share", [1.0, 2.0])
+def test_a_dent_all_inside_the_hole_that_it_makes_is_within_sigma(finer, sigma_mm, share):
+    """As deep as folds, and twice: 1 to 2 nodes wide; nothing is left at the rim, as under dirt."""
+    row, col, x, y = middle(finer)
+    rest = finer.reader.read(finer.warp(Gauss(1e-9, x, y, 4.0)))
+    depth = share * rest.fold_per_mm * sigma_mm**2 / RING_CURVATURE
+    warp = finer.warp(Gauss(depth, x, y, sigma_mm))
+    rest_q = finer.optics.rest_map(*finer.grid.mesh())
+    size = finer.rig.display.columns, finer.rig.display.rows
+    flags = warp_flags(warp.q, rest_q, finer.grid.period_px, size) & np.uint16(Flag.FOLDED | Flag.UNDRAWABLE)
+    inner = distance_nodes(finer, row, col) < 12
+    hole = ndimage.binary_dilation((flags != 0) & inner, np.ones((5, 5)))
+    found = peak(finer.reader.read(flagged(warp, hole, Flag.LIGHT_LOST)))
+    assert abs(found.depth_mm) < 0.06 * depth
+    assert abs(found.depth_mm - depth) < 2 * found.sigma_mm
+    # not simply large
+    assert found.sigma_mm < 2 * depth
+    assert found.sigma_local_mm < 0.01 * depth
+
+
+@pytest.mark.parametrize("radius_nodes", [0.5, 2.3])
+def test_a_speck_that_hides_no_more_than_a_window_leaves_sigma_at_rest(finer, radius_nodes):
+    row, col, x, y = middle(finer)
+    warp = finer.warp(Gauss(1e-9, x, y, 4.0))
+    whole = peak(finer.reader.read(warp))
+    hole = distance_nodes(finer, row, col) < radius_nodes
+    holed = peak(finer.reader.read(flagged(warp, hole, Flag.MODULATION)))
+    assert holed.sigma_mm < 1.1 * whole.sigma_mm
 
 
 def test_an_opening_in_the_fold_leaves_most_of_its_sigma(finer):

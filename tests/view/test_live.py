@@ -1,5 +1,7 @@
 """The live line: what it shows of the states that are recorded."""
 
+import re
+from dataclasses import replace
 from io import StringIO
 
 import numpy as np
@@ -8,6 +10,7 @@ from rich.console import Console
 
 from zeromethod import State, Step
 from zeromethod.operating.lasting import LastingState
+from zeromethod.surface import Peak
 from zeromethod.view.live import LiveStatus
 from zeromethod.warp.warp import Role, Warp
 
@@ -34,6 +37,43 @@ def test_holding_that_lasts_is_shown():
 @pytest.mark.parametrize("state", [State.NULLING, State.LOST, State.FAULT, State.UNCALIBRATED, State.MOVED])
 def test_every_other_state_is_shown_at_once(state):
     assert shown(L, state, H, L) == [L, state, state, L]
+
+
+def pressed(state: State, reason: str = "") -> Step:
+    drawn = Warp.drawn(np.zeros((4, 4, 2)), Role.COMMANDED, 0)
+    measured = {"residual_rms_px": 0.012, "valid_share": 0.999, "loop_ms": 3.4, "phase": "slide"}
+    peak = Peak(0.2, 40.0, 0.0, 5e-4)
+    step = Step(number=1, time_ns=0, time_s=0.0, state=state, commanded=drawn, filtered=drawn, **measured)
+    return replace(step, peak=peak, reason=reason, calibrated=True)
+
+
+def line_of(width: int, step: Step) -> str:
+    """What a terminal of so many columns shows in the end."""
+    file = StringIO()
+    console = Console(file=file, force_terminal=True, width=width, height=20)
+    values = {"peak_sigma_mm": 5e-4, "loop_rate_hz": 60.0, "dropped": 2}
+    with LiveStatus(console, 1.0, "seconds") as live:
+        live.update(step, 1, values)
+    return re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", file.getvalue()).split("\r")[-1]
+
+
+def test_a_narrow_terminal_shows_less_but_never_cuts_state_or_depth():
+    assert re.search(
+        r"slide +peak .* residual .* valid .* 60 Hz  2 dropped  loop 3.4 ms", line_of(160, pressed(L))
+    )
+    for width in (80, 60, 50):
+        line = line_of(width, pressed(L))
+        assert "locked" in line
+        assert "peak 200.00 ± 0.50 µm" in line
+        assert "…" not in line
+        assert ("valid 99.9 %" in line) is (width == 80)
+
+
+def test_the_reason_of_a_state_is_shown_whole_in_a_narrow_terminal():
+    reason = "the camera turned by 0.021 degrees against LCD and prism since the last zero was taken"
+    assert reason.split() == [
+        word for word in line_of(60, pressed(State.MOVED, reason)).split() if word in reason.split()
+    ]
 
 
 def test_no_figure_that_is_not_known_is_shown():

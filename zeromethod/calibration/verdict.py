@@ -22,6 +22,7 @@ OUTLIERS, MISFIT, OFF_SIGMA, USABLE = 0.2, 3.0, 4.0, 0.5
 DEPTH_PERCENT = 2.0
 TIR_MARGIN_DEG = 0.5
 _SAMPLES = 33
+_TOUCHED = "something touched the mirror while the fringes were shown (calibrate again then)"
 
 
 @dataclass(frozen=True)
@@ -103,20 +104,22 @@ def _misfits(fitted: Fit) -> list[str]:
             share = term.outliers / len(term.weight)
             if share > OUTLIERS:
                 found.append(
-                    f"{100 * share:.0f} % of the rest map fits no mirror: it was touched while it was taken, "
-                    "wrong orders, or a second reflection"
+                    f"{100 * share:.0f} % of the rest map fits no mirror: {_TOUCHED}, orders are wrong, or "
+                    "there is a second reflection"
                 )
             if fitted.inflation > MISFIT:
                 text = f"the rest map is missed by {fitted.inflation:.0f} times its noise, in patches"
                 found.append(
-                    f"{text}: the mirror is not as flat, or the lens not as simple, as the rig file says"
+                    f"{text}: {_TOUCHED}, or the mirror is not as flat, or the lens not as simple, as the "
+                    "rig file says"
                 )
             continue
         worst = int(np.argmax(np.abs(term.residual)))
         size = float(np.abs(term.residual[worst]))
         name = f"press {data.presses[worst].name}" if isinstance(data, Presses) else data.name
         if size > OFF_SIGMA:
-            off.append((size, f"{name} contradicts everything else by {size:.1f} sigma"))
+            hint = " (depths mistyped: --evaluate-again takes --press-depths)" * isinstance(data, Presses)
+            off.append((size, f"{name} contradicts everything else by {size:.1f} sigma{hint}"))
     return found + [text for _, text in sorted(off, reverse=True)]
 
 

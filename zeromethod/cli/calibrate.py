@@ -14,6 +14,7 @@ from zeromethod.cli.calibrate_bench import calibrate_bench
 from zeromethod.cli.calibrate_camera import board_command, intrinsics_command
 from zeromethod.cli.calibrate_fringes import fringes_command
 from zeromethod.cli.calibrate_options import calibrate_options, refuse_unused
+from zeromethod.cli.device_options import given_rig
 from zeromethod.cli.fringe_options import fringe_options, sequence_of
 from zeromethod.cli.numbers import Real, Whole
 from zeromethod.cli.output import REPLACES, OutputFile, summary_option, write_summary, writing
@@ -21,7 +22,6 @@ from zeromethod.commissioning.decode import decode_files, figures, noise_of, ref
 from zeromethod.decoding.measuring import LIMIT_SHARE
 from zeromethod.decoding.noise import NoiseModel
 from zeromethod.errors import InputError, MeasurementError
-from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
 from zeromethod.thread_limits import limit_threads
 from zeromethod.view.progress import progress
@@ -30,8 +30,30 @@ from zeromethod.view.table import pair_table
 _SIGMAS = ("sigma_column_median_px", "sigma_row_median_px")
 
 
+class _Calibrate(click.Group):
+    """Sub-commands, and a word for numbers with blanks between them, which are none."""
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Refuse a number in place of a sub-command."""
+        if _is_number(args[0]):
+            raise InputError(
+                f"--press-depths: {args[0]} by itself: commas between depths, no blanks: 0.2,0.15"
+            )
+        return super().resolve_command(ctx, args)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        return math.isfinite(float(text.strip(",")))
+    except ValueError:
+        return False
+
+
 @click.group(
     "calibrate",
+    cls=_Calibrate,
     invoke_without_command=True,
     epilog="Example: zeromethod calibrate --rig my.toml --display 1 --camera 0 --press-depths 0.2,0.15,0.1",
 )
@@ -117,7 +139,7 @@ def decode_command(
     TIFF of many pages, .npy or .npz. light = 1/2 + 1/2 cos(2 pi x / period - shift), x the LCD column or row.
     """
     sequence = sequence_of(periods_text, shifts_text, axes_text, repeats)
-    rig = load_rig(rig_name) if rig_name is not None else None
+    rig = given_rig(rig_name) if rig_name is not None else None
     size = panel or ((rig.display.columns, rig.display.rows) if rig else None)
     limit_threads()
     with progress(sequence.frames, first="decoding") as advance:

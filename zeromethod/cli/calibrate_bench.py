@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from zeromethod.calibration.fingerprint import check
 from zeromethod.calibration.folder import ARRAYS, GIVEN, Stored, arrays_fault, home_of, load, newest
 from zeromethod.calibration.level import Level
 from zeromethod.cli.calibrate_known import ball_of, check_depths, check_known, edge_of, known_of, numbers_of
-from zeromethod.cli.device_options import BenchOptions, opened_devices, other_devices, with_devices
+from zeromethod.cli.device_options import BenchOptions, given_rig, opened_devices, other_devices, with_devices
 from zeromethod.cli.guide_page import PagePrompts, guide_page, watched
 from zeromethod.cli.output import TerminalPrompts, check_folder, write_summary
 from zeromethod.cli.stopping import stopped_by_signals
@@ -92,15 +92,17 @@ def calibrate_bench(
     direct += (lens.intrinsics,) if lens is not None else ()
     ball_mm = ball_of(ball_text) if ball_text is not None else None
     limit_threads()
+    own = {name: others.pop(name) for name in _PLAN}
+    own = {name: value for name, value in own.items() if value is not None}
+    depths_mm = numbers_of("--press-depths", depths, "depths in mm")
     if again_folder is not None:
-        stored = _evaluate_again(again_folder, direct, lens, ball_mm, find, output)
+        pressed = _Pressed(depths_mm, own.get("press_sigma_mm"), ball_mm)
+        stored = _evaluate_again(again_folder, direct, lens, pressed, find, output)
         missing = other_devices(stored.fingerprint, load_rig(stored.rig_file))
         _print_stored(console, stored, summary, "".join(f" {option}" for option, _ in missing))
         return _refuse_bad(stored)
     if rig_name is None:
         raise InputError("--rig: missing: your rig file (zeromethod init my.toml makes one)")
-    own = {name: others.pop(name) for name in _PLAN}
-    depths_mm = numbers_of("--press-depths", depths, "depths in mm")
     plan = Plan(press_depths_mm=depths_mm, known=direct, ball_mm=ball_mm, edges=find is not False, **own)
     options, home = BenchOptions(**others), output or home_of(rig_name)
     rig = _bench(rig_name, options, plan, lens)
@@ -177,7 +179,7 @@ def evaluate_with(
 
 def _bench(rig_name: str, options: BenchOptions, plan: Plan, lens: CameraFile | None) -> Rig:
     """The rig as it is to be opened."""
-    rig = with_devices(load_rig(rig_name), options)
+    rig = with_devices(given_rig(rig_name), options)
     if not plan.presses:
         rig = rig.model_copy(update={"scenario": "none"})
     check_geometry(rig)
@@ -205,24 +207,49 @@ def _store(
     )
 
 
+@dataclass(frozen=True)
+class _Pressed:
+    """What is said again of presses that were recorded; empty and None for what holds as it was said."""
+
+    depths_mm: tuple[float, ...]
+    sigma_mm: float | None
+    ball_mm: tuple[float, float] | None
+
+    def in_plan(self, recorded: Recorded, folder: Path) -> Plan:
+        """The plan with it. Raises InputError where other presses were recorded."""
+        plan, presses = recorded.plan, recorded.presses
+        if self.ball_mm is not None and (presses is None or presses.ball is None):
+            raise InputError(f"--press-ball: {folder}: no ball was pressed for this calibration")
+        made = len(presses.pressed) if presses is not None else 0
+        if self.depths_mm and len(self.depths_mm) != made:
+            given = ",".join(f"{depth:g}" for depth in self.depths_mm)
+            raise InputError(
+                f"--press-depths: {given}: {folder} has {made} presses: as many depths, in order"
+            )
+        check_depths(recorded.rig, self.depths_mm)
+        return replace(
+            plan,
+            press_depths_mm=self.depths_mm or plan.press_depths_mm,
+            press_sigma_mm=plan.press_sigma_mm if self.sigma_mm is None else self.sigma_mm,
+            ball_mm=self.ball_mm or plan.ball_mm,
+        )
+
+
 def _evaluate_again(
     folder: Path,
     known: tuple[Known, ...],
     lens: CameraFile | None,
-    ball_mm: tuple[float, float] | None,
+    pressed: _Pressed,
     find: bool | None,
     output: Path | None,
 ) -> Stored:
     recorded, stored = recall(folder)
     check_known(recorded.rig, known, lens)
-    plan = recorded.plan
-    if ball_mm is not None and (recorded.presses is None or recorded.presses.ball is None):
-        raise InputError(f"--press-ball: {folder}: no ball was pressed for this calibration")
+    plan = pressed.in_plan(recorded, folder)
     named = {one.name for one in known}
     plan = replace(
         plan,
         known=(*(one for one in plan.known if one.name not in named), *known),
-        ball_mm=ball_mm or plan.ball_mm,
         edges=plan.edges if find is None else find,
     )
     found = evaluate_or_keep(replace(recorded, plan=plan), prompts=TerminalPrompts())
@@ -236,6 +263,7 @@ def _wanted(folder: str, rig_name: str | None) -> Stored:
         raise InputError("--show: which calibration? allowed: a folder, or with --rig its newest")
     found = newest(rig_name)
     if found is None:
+        given_rig(rig_name, measured=False)  # says so where there is no such rig
         raise InputError(
             f"--show: {rig_name}: no calibration in {home_of(rig_name)}: zeromethod calibrate makes one"
         )

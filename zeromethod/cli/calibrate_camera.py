@@ -18,6 +18,7 @@ from zeromethod.cli.device_options import (
     REAL_CAMERAS,
     BenchOptions,
     bench_options,
+    given_rig,
     opened_devices,
     with_devices,
     without_display,
@@ -39,7 +40,6 @@ from zeromethod.commissioning.calibration.board_views import (
     views_in_files,
 )
 from zeromethod.errors import InputError
-from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import SIMULATED
 from zeromethod.thread_limits import limit_threads
 from zeromethod.view.progress import progress
@@ -80,7 +80,7 @@ def board_command(
 
     board = board_of(board_text, dictionary)
     if rig_name is not None and dpi is None:
-        rig = load_rig(rig_name)
+        rig = given_rig(rig_name)
         square_px = square_on_lcd_px(board, rig)
         picture = board.on_lcd(square_px, rig.display.columns, rig.display.rows)
         words = f"show it full screen, unscaled: squares of {square_px} px"
@@ -177,7 +177,7 @@ def _from_files(frames: tuple[Path, ...], board: Board, rig_name: str | None) ->
     with progress(len(frames), "pictures") as advance:
         views = views_in_files(frames, board, LEAST_VIEWS, lambda: advance("pictures"))
     if rig_name is not None:
-        camera = load_rig(rig_name).camera
+        camera = given_rig(rig_name).camera
         if views.shape != (camera.rows, camera.columns):
             raise InputError(
                 f"{frames[0]}: {views.shape[1]} x {views.shape[0]} px: the rig's camera has "
@@ -189,7 +189,9 @@ def _from_files(frames: tuple[Path, ...], board: Board, rig_name: str | None) ->
 def _live(board: Board, rig_name: str | None, options: BenchOptions, count: int, patience_s: float) -> Views:
     if rig_name is None:
         raise InputError("FRAMES: missing: picture files, or --rig and --camera for live pictures")
-    rig = with_devices(load_rig(rig_name), options, camera_alone=True).model_copy(update={"scenario": "none"})
+    rig = with_devices(given_rig(rig_name), options, camera_alone=True).model_copy(
+        update={"scenario": "none"}
+    )
     if rig.camera.driver == SIMULATED:
         raise InputError(
             "--camera: missing: the simulated camera never sees a board; allowed: a camera's address"

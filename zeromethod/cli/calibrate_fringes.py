@@ -8,12 +8,12 @@ import click
 import cv2
 
 from zeromethod.atomic_write import atomic_write
+from zeromethod.cli.device_options import given_rig
 from zeromethod.cli.fringe_options import fringe_options, sequence_of
 from zeromethod.cli.numbers import Whole
 from zeromethod.cli.output import check_folder, writing
 from zeromethod.errors import InputError
 from zeromethod.pattern.response import Response
-from zeromethod.rig.load import load_rig
 
 
 @click.command(
@@ -50,7 +50,7 @@ def fringes_command(
         raise InputError("--rig and --panel: give one of them: the size of the LCD")
     size, response = panel, Response()
     if rig_name is not None:
-        display = load_rig(rig_name).display
+        display = given_rig(rig_name).display
         size, response = (display.columns, display.rows), Response.from_rig(display)
     assert size is not None
     check_folder("--output", output)

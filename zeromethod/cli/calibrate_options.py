@@ -23,8 +23,9 @@ calibrate_options = several(
         help="Depths, mm, of presses that you will make, in order; you are asked for each.",
     ),
     click.option(
-        "--depth-sigma", "press_sigma_mm", type=float, default=1e-3, show_default=True, metavar="MM",
-        help="How well these depths are known (standard deviation).",
+        "--depth-sigma", "press_sigma_mm", type=float, metavar="MM",
+        help="How well these depths are known (standard deviation).  "
+        f"[default: {Plan.press_sigma_mm:g}]",
     ),
     click.option(
         "--press-ball", "ball_text", metavar="RADIUS:SIGMA",
@@ -82,7 +83,8 @@ calibrate_options = several(
     ),
     click.option(
         "--evaluate-again", "again_folder", type=click.Path(path_type=Path), metavar="FOLDER",
-        help="Instead: evaluate what was recorded in FOLDER again, with --known, --edge-point, --intrinsics.",
+        help="Instead: evaluate what was recorded in FOLDER again, with --known, --edge-point, --intrinsics, "
+        "or other --press-depths than were typed then.",
     ),
 )  # fmt: skip
 
@@ -92,6 +94,7 @@ _INSTEAD = {
     "show_folder": frozenset({"rig_name", "summary"}),
     "again_folder": frozenset(
         {"known", "edges", "find", "camera_file", "camera_percent", "ball_text", "output", "summary"}
+        | {"depths", "press_sigma_mm"}
     ),
 }
 """Options that may be given with those that take the place of a calibration."""

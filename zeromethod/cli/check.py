@@ -14,6 +14,7 @@ from zeromethod.cli.calibrated_bench import check_calibration
 from zeromethod.cli.device_options import (
     BenchOptions,
     bench_options,
+    given_rig,
     opened_devices,
     rig_option,
     say_simulated,
@@ -29,7 +30,6 @@ from zeromethod.commissioning.daily_check.findings import DailyCheck, Fitness
 from zeromethod.commissioning.daily_check.log import append_check, log_of
 from zeromethod.errors import MeasurementError
 from zeromethod.optics import check_geometry
-from zeromethod.rig.load import load_rig
 from zeromethod.thread_limits import limit_threads
 from zeromethod.view.table import text_table
 
@@ -72,7 +72,7 @@ def check_command(
     again; anything but good ends with exit code 1. A dated line is added to checks.csv next to the
     calibration.
     """
-    rig = with_devices(load_rig(rig_name), BenchOptions(**others))
+    rig = with_devices(given_rig(rig_name), BenchOptions(**others))
     rig = with_given(rig, scenario or ("none" if press_depth_mm is None else None), simulation={"seed": seed})
     check_geometry(rig)
     if press_depth_mm is not None:

@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from zeromethod.calibration.panel_timing import StepTiming
-from zeromethod.cli.device_options import BenchOptions, opened_devices, say_simulated, with_devices
+from zeromethod.cli.device_options import BenchOptions, given_rig, opened_devices, say_simulated, with_devices
 from zeromethod.commissioning.delay import DEFAULT_SECONDS, DelayResult, measure_delay
 from zeromethod.commissioning.panel_timing import measure_panel_timing
 from zeromethod.control.stability_margin import Margin, margin_words, stability_margin
@@ -18,7 +18,6 @@ from zeromethod.devices.opening import Devices
 from zeromethod.devices.protocols import CameraLost, DisplayLost
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.optics import check_geometry
-from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
 from zeromethod.rig.save import save_values
 from zeromethod.view.progress import progress
@@ -32,7 +31,7 @@ def report_delay(rig_name: str, options: BenchOptions, seconds: float | None, wr
     path = Path(rig_name)
     if write and not path.is_file():
         raise InputError(f"--write: {rig_name!r}: with --rig and a rig file of your own")
-    loaded = load_rig(rig_name)
+    loaded = given_rig(rig_name)
     rig = with_devices(loaded, options).model_copy(update={"scenario": "none"})
     check_geometry(rig)
     say_simulated(rig)

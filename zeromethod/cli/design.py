@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+from zeromethod.cli.device_options import given_rig
 from zeromethod.cli.numbers import Real
 from zeromethod.cli.output import REPLACES, OutputFile, summary_option, wide_console, write_summary
 from zeromethod.design import (
@@ -22,7 +23,6 @@ from zeromethod.design.assess import stability_figures
 from zeromethod.design.delay_budget import ASSUMED_COMPUTING_S
 from zeromethod.design.resolution import ASSUMED_PUPIL_MM
 from zeromethod.optics import check_geometry
-from zeromethod.rig.load import load_rig
 from zeromethod.thread_limits import limit_threads
 from zeromethod.view.design_table import curves_table, design_table
 from zeromethod.view.progress import progress
@@ -76,7 +76,7 @@ def design_command(
     """
     presses = [PressKind.parse(text) for text in kinds] or list(DEFAULT_KINDS)
     runs = [Variation.parse(text) for text in variations]
-    rig = load_rig(rig_name)
+    rig = given_rig(rig_name, "RIG")
     check_geometry(rig)
     limit_threads()
     pupil = ASSUMED_PUPIL_MM if pupil_mm is None else pupil_mm

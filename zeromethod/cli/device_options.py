@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import Any
 
 import click
@@ -16,10 +17,15 @@ from zeromethod.devices.abilities import warnings_of
 from zeromethod.devices.addresses import with_camera
 from zeromethod.devices.opening import Devices, open_devices
 from zeromethod.errors import InputError
+from zeromethod.resources import resource
+from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import SIMULATED, CameraSpec, DisplaySpec, Rig
 
 REAL_CAMERAS = frozenset({"opencv", "pylon", "aravis"})
 """Drivers of cameras that cannot observe a simulated display."""
+
+_RIG = "rig: "
+"""How messages about the name of a rig begin."""
 
 WINDOW = "display window: "
 """How messages about the screen begin; left out where only monitors are listed."""
@@ -81,6 +87,16 @@ def rig_option(default: str = "simulated") -> Callable[[Any], Any]:
     """The option `--rig`, a packaged rig without it."""
     words = "Rig file, or a packaged name."
     return click.option("--rig", "rig_name", default=default, show_default=True, help=words)
+
+
+def given_rig(name: str, option: str = "--rig", *, measured: bool = True) -> Rig:
+    """The rig that an option gives, as `load_rig`; what is no rig at all is refused by the option's name."""
+    try:
+        return load_rig(name, measured=measured)
+    except InputError as error:
+        if not str(error).startswith(_RIG):
+            raise
+        raise InputError(f"{option}: {str(error).removeprefix(_RIG)}") from None
 
 
 @dataclass(frozen=True)
@@ -177,11 +193,20 @@ def with_given(rig: Rig, scenario: str | None, **tables: Mapping[str, Any]) -> R
 
     scenario: of `--scenario`. tables: `display={"latency_s": 0.02}`, checked by their options.
     """
-    update: dict[str, Any] = {} if scenario is None else {"scenario": scenario}
+    update: dict[str, Any] = {} if scenario is None else {"scenario": _scenario(scenario)}
     for table, values in tables.items():
         given = {key: value for key, value in values.items() if value is not None}
         update[table] = getattr(rig, table).model_copy(update=given)
     return rig.model_copy(update=update)
+
+
+def _scenario(name: str) -> str:
+    """A scenario's name; what is none is refused here, by its option, not as the bench is opened."""
+    packaged = sorted(path.stem for path in resource("calibration", "presses").glob("*.toml"))
+    path = Path(name)
+    if name not in packaged and not (path.is_file() and (path.suffix or path.name != name)):
+        raise InputError(f"--scenario: {name}: a press file (.toml), or one of {', '.join(packaged)}")
+    return name
 
 
 def _with_camera(rig: Rig, options: BenchOptions) -> Rig:

@@ -16,6 +16,7 @@ from zeromethod.cli.device_options import (
     BenchOptions,
     bench_options,
     given_options,
+    given_rig,
     rig_option,
 )
 from zeromethod.cli.numbers import Real
@@ -171,11 +172,10 @@ def _say(console: Console, text: str) -> None:
 def _identify(which: str, rig_name: str, seconds: float) -> dict[str, Any]:
     """Show the identify pictures; which monitors showed them."""
     from zeromethod.drivers.identify import identify  # noqa: PLC0415
-    from zeromethod.rig.load import load_rig  # noqa: PLC0415
 
     if which != _ALL and not which.isdecimal():
         raise InputError(f"--identify: {which!r}: allowed: the index of a monitor, or nothing for all")
-    display = load_rig(rig_name).display
+    display = given_rig(rig_name).display
     console = Console()
     _say(console, f"each monitor shows its index for {seconds:g} s, or until a key is pressed there")
     number = None if which == _ALL else int(which)
@@ -201,12 +201,11 @@ def _speed(rig_name: str) -> dict[str, Any]:
     from zeromethod.cli.compiling import say_compiling  # noqa: PLC0415
     from zeromethod.commissioning.delay import with_strips  # noqa: PLC0415
     from zeromethod.optics import check_geometry  # noqa: PLC0415
-    from zeromethod.rig.load import load_rig  # noqa: PLC0415
     from zeromethod.session.speed import STEPS, measure_speed  # noqa: PLC0415 - the loop loads slowly
 
     say_compiling()
     # as `run` closes the loop on real devices: with coded strips
-    rig = load_rig(rig_name, measured=False)
+    rig = given_rig(rig_name, measured=False)
     rig = with_strips(rig) if rig.control.strips == "auto" else rig
     check_geometry(rig)
     with progress(STEPS, "loop") as advance:

@@ -10,6 +10,7 @@ from rich.console import Console
 from zeromethod.cli.device_options import (
     REAL_CAMERAS,
     BenchOptions,
+    given_rig,
     opened_devices,
     say_simulated,
     with_devices,
@@ -23,7 +24,6 @@ from zeromethod.commissioning.setting_up import SettingUp, Sight
 from zeromethod.errors import MeasurementError
 from zeromethod.operating.guide_tables import FOCUS
 from zeromethod.optics import check_geometry
-from zeromethod.rig.load import load_rig
 from zeromethod.view.focus import focus_view, sight_figures, sight_table
 
 _SIMULATED_S = 1.0
@@ -40,7 +40,9 @@ def watch_focus(
     view: str | None = None,
 ) -> None:
     """Show figures until q, Ctrl-C or `seconds`; the last ones as a table and `summary`; see `SettingUp`."""
-    rig = with_devices(load_rig(rig_name), options, camera_alone=True).model_copy(update={"scenario": "none"})
+    rig = with_devices(given_rig(rig_name), options, camera_alone=True).model_copy(
+        update={"scenario": "none"}
+    )
     with_lcd = rig.camera.driver not in REAL_CAMERAS or rig.display.driver != "simulated"
     if not with_lcd:
         rig = without_display(rig)

@@ -11,11 +11,11 @@ from typing import Any
 import click
 
 from zeromethod.atomic_write import atomic_write
+from zeromethod.cli.device_options import given_rig
 from zeromethod.cli.numbers import Real, Whole
 from zeromethod.cli.output import check_file, several, writing
 from zeromethod.commissioning.calibration.new_rig import Calipers, rig_text
 from zeromethod.errors import InputError
-from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import PriorSpec
 
 _ABOVE_ZERO = Real(min=0, min_open=True)
@@ -105,7 +105,7 @@ def init_command(path: Path, rig_name: str, ask: bool | None, force: bool, **giv
     if path.exists() and not force:
         raise InputError(f"FILE: {path}: exists already: --force overwrites it")
     known = {name.replace("__", "."): value for name, value in given.items() if value is not None}
-    answers = _flat(Calipers.of(load_rig(rig_name))) | known
+    answers = _flat(Calipers.of(given_rig(rig_name, "--from"))) | known
     if (sys.stdin.isatty() if ask is None else ask) and len(known) < len(_QUESTIONS):
         text = _asked(answers, set(known), path)
     else:

@@ -10,13 +10,13 @@ import numpy as np
 from rich.console import Console
 
 from zeromethod.atomic_write import atomic_write
+from zeromethod.cli.device_options import given_rig
 from zeromethod.cli.numbers import Real, Whole
 from zeromethod.cli.output import check_folder, summary_option, write_summary, writing
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.optics import check_geometry
 from zeromethod.passive.correlate import LARGEST_SPACING_PX, NARROWEST_PX, SPACING_PX, WIDEST_PX
 from zeromethod.passive.measure import Measurement, StillReading, arrays, figures, measure_all
-from zeromethod.rig.load import load_rig
 from zeromethod.thread_limits import limit_threads
 from zeromethod.view.progress import progress
 from zeromethod.view.table import cell, text_table
@@ -95,7 +95,7 @@ def measure_command(
     check_folder("--output", output)
     rig = None
     if rig_name is not None:
-        rig = load_rig(rig_name)
+        rig = given_rig(rig_name)
         check_geometry(rig)
     limit_threads()
     measurement = Measurement(

@@ -13,7 +13,7 @@ import click
 import numpy as np
 from rich.console import Console
 
-from zeromethod.cli.device_options import control_options, given_options
+from zeromethod.cli.device_options import control_options, given_options, given_rig
 from zeromethod.cli.numbers import Real
 from zeromethod.cli.output import OutputFile, figure_option, summary_option, write_summary
 from zeromethod.cli.page_options import page_options
@@ -23,7 +23,6 @@ from zeromethod.cli.stopping import stopped_by_signals
 from zeromethod.errors import InputError
 from zeromethod.optics import check_geometry
 from zeromethod.recording.recording import Recording
-from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
 from zeromethod.session.replay.closed_loop import ClosedLoopReplay, recorded_track, simulated_bench
 from zeromethod.session.replay.comparison import figures_of, rejection
@@ -118,7 +117,7 @@ def replay_command(**options: Any) -> None:
     limit_threads()
     with stopped_by_signals(), open_recording(asked.file) as recording:
         window = Window.of(recording, asked.from_s, asked.to_s)
-        rig = recording.rig if asked.rig_name is None else load_rig(asked.rig_name)
+        rig = recording.rig if asked.rig_name is None else given_rig(asked.rig_name)
         replay = _close_loop if asked.mode == CLOSED_LOOP else _evaluate
         figures = {
             "recording": str(asked.file),

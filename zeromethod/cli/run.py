@@ -17,7 +17,9 @@ from zeromethod.cli.device_options import (
     bench_options,
     control_options,
     given_options,
+    given_rig,
     rig_option,
+    say_simulated,
     scenario_options,
     with_devices,
     with_given,
@@ -37,7 +39,6 @@ from zeromethod.operating.readings import HISTORY
 from zeromethod.operating.run_table import RUN
 from zeromethod.optics import check_geometry
 from zeromethod.publishing.publisher import Publisher
-from zeromethod.rig.load import load_rig
 from zeromethod.session.fine import with_moving_target
 from zeromethod.session.result import RunResult
 from zeromethod.session.session import Session
@@ -128,7 +129,7 @@ def run_command(
     if frames is not None and seconds is not None:
         raise InputError("--frames and --seconds: give one of them, not both")
     options = BenchOptions(**others)
-    rig = load_rig(rig_name, measured=not simulate)
+    rig = given_rig(rig_name, measured=not simulate)
     if simulate:
         if options.given:
             raise InputError(f"--simulate and {options.given[0]}: give one of them, not both")
@@ -149,6 +150,8 @@ def run_command(
     if fine:
         rig = with_moving_target(rig)
     check_geometry(rig)
+    if not simulate and Path(rig_name).is_file():
+        say_simulated(rig)
     limit_threads()
     with (
         stopped_by_signals(),

@@ -10,12 +10,11 @@ from pathlib import Path
 
 import click
 
-from zeromethod.cli.device_options import rig_option, scenario_options, with_given
+from zeromethod.cli.device_options import given_rig, rig_option, scenario_options, with_given
 from zeromethod.cli.numbers import Real, Whole
 from zeromethod.cli.output import REPLACES, OutputFile
 from zeromethod.errors import InputError
 from zeromethod.optics import check_geometry
-from zeromethod.rig.load import load_rig
 from zeromethod.thread_limits import limit_threads
 
 
@@ -69,7 +68,7 @@ def virtual_bench_command(
     """
     if repeats is not None and forever:
         raise InputError("--repeat and --forever: give one of them, not both")
-    rig = load_rig(rig_name)
+    rig = given_rig(rig_name)
     most_hz = 1 / rig.camera.exposure_s
     if rate_hz is not None and not 0 < rate_hz <= most_hz:
         raise InputError(f"--rate: {rate_hz:g}: above 0 and at most 1 / camera.exposure_s = {most_hz:g} Hz")

@@ -59,7 +59,8 @@ class DelayResult:
 
     latency_s: the delay, as `[display] latency_s` holds it; below zero where stamps come early. sigma_s: its
     standard deviation. range_s: where the codes show no more than that it lies from, to; latency_s is the
-    middle then; None where it was measured. why: of a range, what kept it from being measured.
+    middle then; None where it was measured. why: of a range, what kept it from being measured. scatter_s:
+    of a delay that is not steady, by how much it changes from frame to frame; None of one that is.
     jitter_s: that of single frames' delays, NaN where single frames only bound it.
     refresh_hz, camera_rate_hz: by presentation and frame times. horizon_s: median time from a frame's
     mid-exposure to that of the frames that saw the picture shown after it, weighted by light; computing
@@ -78,6 +79,7 @@ class DelayResult:
     used: int
     range_s: tuple[float, float] | None = None
     why: str = ""
+    scatter_s: float | None = None
 
     @property
     def delay_frames(self) -> float:
@@ -103,6 +105,14 @@ class DelayResult:
         kept = low_s <= believed_s <= high_s
         latency_s = believed_s if kept else round(self.latency_s, 6)
         return {"display.latency_s": latency_s, "display.latency_range_s": [low_s, high_s]}
+
+
+class UnsteadyDelayError(MeasurementError):
+    """The delay changes by more from frame to frame than any one value stands for; scatter_s: by how much."""
+
+    def __init__(self, message: str, scatter_s: float) -> None:
+        super().__init__(message)
+        self.scatter_s = scatter_s
 
 
 def measure_delay(
@@ -278,7 +288,7 @@ def _delay(found: list[Match], precise: list[float], refresh_ns: float) -> dict[
         if jitter > UNSTEADY_REFRESHES * refresh_ns:
             low, high = np.percentile(values, [5, 95])
             why = f"it is not steady: it scatters by {1e-6 * jitter:.1f} ms: {_BUSY}"
-            return _ranged(low, high, refresh_ns, why) | {"jitter_s": 1e-9 * jitter}
+            return _ranged(low, high, refresh_ns, why, 1e-9 * jitter) | {"jitter_s": 1e-9 * jitter}
         sigma = 1.25 * jitter / math.sqrt(len(values))
         return {"latency_s": 1e-9 * middle, "sigma_s": 1e-9 * sigma, "jitter_s": 1e-9 * jitter}
     # Camera and panel in step, every exposure on one picture: what all frames allow. The outermost tenth of
@@ -290,7 +300,7 @@ def _delay(found: list[Match], precise: list[float], refresh_ns: float) -> dict[
             f"it is not steady: some frames say at least {1e-6 * low:.1f} ms, others at most "
             f"{1e-6 * high:.1f} ms: {_BUSY}"
         )
-        return _ranged(high, low, refresh_ns, why)
+        return _ranged(high, low, refresh_ns, why, 1e-9 * (low - high))
     if high - low >= LOOSEST_REFRESHES * refresh_ns:
         why = "a longer exposure, or other rates of camera and panel, will show more"
         return _ranged(low, high, refresh_ns, why)
@@ -298,16 +308,23 @@ def _delay(found: list[Match], precise: list[float], refresh_ns: float) -> dict[
     return {"latency_s": 0.5e-9 * (low + high), "sigma_s": 1e-9 * sigma, "jitter_s": math.nan}
 
 
-def _ranged(low: float, high: float, refresh_ns: float, why: str) -> dict[str, Any]:
-    """A delay that lies from low to high, ns. Raises MeasurementError where that says too little."""
+def _ranged(
+    low: float, high: float, refresh_ns: float, why: str, scatter_s: float | None = None
+) -> dict[str, Any]:
+    """A delay that lies from low to high, ns; scatter_s: where it is not steady.
+
+    Raises MeasurementError where that says too little.
+    """
     if high - low > WIDEST_REFRESHES * refresh_ns:
-        raise MeasurementError(f"delay: {why}")
+        message = f"delay: {why}"
+        raise MeasurementError(message) if scatter_s is None else UnsteadyDelayError(message, scatter_s)
     return {
         "latency_s": 0.5e-9 * (low + high),
         "sigma_s": 1e-9 * (high - low) / math.sqrt(12),
         "jitter_s": math.nan,
         "range_s": (1e-9 * float(low), 1e-9 * float(high)),
         "why": why,
+        "scatter_s": scatter_s,
     }
 
 

@@ -26,6 +26,8 @@ from zeromethod.fine.frames import Steps
 from zeromethod.rig.model import Noise
 
 UNKNOWNS = 5
+BAND_ROWS = 32
+"""Rows whose frames are brought together at a time: what they take stays in the processor's cache."""
 _TORN_PX = 6.0
 """Step of displacement between neighbouring pixels, camera px, above which one is a whole period off."""
 _POOLED_PX = 5
@@ -125,7 +127,7 @@ def _fit(
         sums[:] = np.float32(0.0)
         squares[:] = np.float32(0.0)
         for t in range(count):
-            line = images[t, row, left : left + cols]
+            line = images[t, j]
             w0, w1, w2 = solution[row, 0, t], solution[row, 1, t], solution[row, 2, t]
             w3, w4 = solution[row, 3, t], solution[row, 4, t]
             for i in range(cols):
@@ -154,7 +156,7 @@ def _fit(
 
 
 def demodulate(
-    images: Image,
+    images: Sequence[Image],
     design: Design,
     period_px: int,
     noise: Noise,
@@ -164,7 +166,7 @@ def demodulate(
 
     Parameters
     ----------
-    images : (N, rows, cols) uint8 or uint16
+    images : sequence of (rows, cols) uint8 or uint16
         Grey levels, oldest first.
     design : Design
         Of the same frames.
@@ -181,7 +183,7 @@ def demodulate(
         Of the box.
         Convention: observed(u, v) = target((u, v) + d).
     """
-    shape = images[0, box[0], box[1]].shape
+    shape = images[0][box].shape
     turns = 2 * np.pi * np.arange(period_px) / period_px
     table = np.stack([np.cos(turns), np.sin(turns)], axis=-1)
     per_grey = 0.0 if noise.electrons_per_grey is None else 1.0 / noise.electrons_per_grey
@@ -189,13 +191,24 @@ def demodulate(
     d, variance, modulation = (np.empty((*shape, 2), np.float32) for _ in range(3))
     out = Demodulated(d, variance, modulation, np.empty(shape, np.float32), np.empty(shape, np.float32))
     normal = np.swapaxes(design.basis, 1, 2) @ design.basis
-    _fit(
-        images, design.solution.astype(np.float32), design.covariance, normal, table,
-        period_px / (2 * np.pi), scales, float(images[:, ::64, ::64].mean()),
-        (box[0].start, box[1].start),
-        out.d, out.variance, out.modulation, out.mean, out.misfit,
-    )  # fmt: skip
+    solution, per_rad, level = (
+        design.solution.astype(np.float32),
+        period_px / (2 * np.pi),
+        middle_grey(images),
+    )
+    top, left = box[0].start or 0, box[1].start or 0
+    for first in range(0, shape[0], BAND_ROWS):
+        part = slice(first, min(first + BAND_ROWS, shape[0]))
+        band = np.stack([one[top + part.start : top + part.stop, box[1]] for one in images])
+        fields = (one[part] for one in (out.d, out.variance, out.modulation, out.mean, out.misfit))
+        corner = top + first, left
+        _fit(band, solution, design.covariance, normal, table, per_rad, scales, level, corner, *fields)
     return out
+
+
+def middle_grey(images: Sequence[Image]) -> float:
+    """Mean grey level of some pixels of all frames."""
+    return float(np.mean([one[::64, ::64].mean() for one in images]))
 
 
 @numba.njit(cache=True)

@@ -2,36 +2,57 @@
 
 from __future__ import annotations
 
+import math
+
 import numba
 import numpy as np
 
-from zeromethod.arrays import Float, Single
+from zeromethod.arrays import Float, Ints, Mask, Single
+from zeromethod.fine.lattice import PixelLattice, pixel_line, with_ghosts
+from zeromethod.warp.grid import PADDING
 from zeromethod.warp.interpolant import sample_pair, window_matched
 
 
 @numba.njit(cache=True)
 def _looked_at(
-    drawn: Float, first_col: float, first_row: float, per_px: float, d: Single, level: Float, out: Single
+    drawn: Float,
+    per_px: float,
+    level: Float,
+    row_first: Ints,
+    of_rows: Float,
+    of_cell: Float,
+    share: Single,
+    d: Single,
+    seen: Mask,
 ) -> None:
-    for j in range(out.shape[0]):
-        for i in range(out.shape[1]):
-            col = first_col + per_px * (i + d[j, i, 0])
-            row = first_row + per_px * (j + d[j, i, 1])
+    line, at = np.empty(level.shape[2]), np.empty((2, d.shape[1]))
+    for j in range(d.shape[0]):
+        for k in range(2):
+            pixel_line(level[k], row_first[j], of_rows[j], of_cell, line, at[k])
+        for i in range(d.shape[1]):
+            col = PADDING + per_px * (i + d[j, i, 0])
+            row = PADDING + per_px * (j + d[j, i, 1])
             x, y = sample_pair(drawn, col, row)
-            out[j, i, 0] = x - level[0, j, i]
-            out[j, i, 1] = y - level[1, j, i]
+            seen[j, i] = seen[j, i] and math.isfinite(x + y)
+            d[j, i, 0] = share[j, i] * (x - at[0, i]) if seen[j, i] else 0.0
+            d[j, i, 1] = share[j, i] * (y - at[1, i]) if seen[j, i] else 0.0
 
 
-def pixel_detail(shown: Float, d: Single, level: Float, padding: int, spacing_px: int) -> Single:
-    """LCD position (rows, cols, 2) of pixels less a level (2, rows, cols), px; NaN off the drawn picture.
+def pixel_detail(
+    lattice: PixelLattice, shown: Float, level: Float, share: Single, d: Single, seen: Mask
+) -> None:
+    """Make pixels' displacement d (rows, cols, 2), camera px, a share of the detail that they see, LCD px.
 
-    shown: (node rows, node cols, 2) warp whose window-matched interpolant was drawn. d: (rows, cols, 2)
-    camera px, the pixels' displacement; pixel (0, 0) is the node (padding, padding).
+    That is their LCD position less that of a level (node rows, node cols, 2) between nodes. Pixels off the
+    drawn picture are no longer seen, and what is not seen has none.
+
+    shown: (node rows, node cols, 2) warp whose window-matched interpolant was drawn, with its padding. share,
+    seen: (rows, cols).
 
     Convention: a pixel looks at shown((u, v) + d).
     """
     drawn = np.empty(shown.shape, np.float32)
     window_matched(shown, drawn)
-    out = np.empty(d.shape, np.float32)
-    _looked_at(drawn.astype(np.float64), padding, padding, 1.0 / spacing_px, d, level, out)
-    return out
+    planes = with_ghosts(np.moveaxis(level, -1, 0))
+    per_px = 1.0 / lattice.grid.spacing_px
+    _looked_at(drawn.astype(np.float64), per_px, planes, *lattice.between, share, d, seen)

@@ -44,48 +44,60 @@ class Footprint:
         s, t = np.broadcast_arrays(2.0 * u / (cols - 1) - 1.0, 2.0 * v / (rows - 1) - 1.0)
         self._sharpening = 0.5 * (rig.camera.psf_px**2 + _PIXEL_PX2)
         self.divides = rig.camera.pupil_mm > 0.0
-        k_down, k_across = (np.pi * np.arange(n) / n for n in lattice.shape)
-        sharp = [1.0 + 2.0 * self._sharpening * (1.0 - np.cos(k)) for k in (k_down, k_across)]
-        self.gain: Float = np.outer(*sharp)
-        """(rows, cols) by which the cosines' noise is multiplied, in the middle of the view."""
+        self._shape, self._middle = lattice.shape, (0.0, 0.0)
         if not self.divides:
             return
         shift = np.einsum("rck,kij->rcij", quadratic_terms(s, t), footprint_terms(rig))
         across, down = (np.hypot(shift[..., i, 0], shift[..., i, 1]) for i in (0, 1))
         ends = [(float(one.min()), max(float(one.max()), float(one.min()) + 1e-6)) for one in (across, down)]
-        parts = [(one - low) / (high - low) for one, (low, high) in zip((across, down), ends, strict=True)]
+        self._parts: list[Single] = [
+            ((one - low) / (high - low)).astype(np.float32)
+            for one, (low, high) in zip((across, down), ends, strict=True)
+        ]
         self._fast = tuple(next_fast_len(n, real=True) for n in lattice.shape)
         fast_down, fast_across = (np.pi * np.arange(n) / n for n in self._fast)
-        self._mixes: list[tuple[Single, Single]] = []
-        for i, a in enumerate(ends[0]):
-            for j, b in enumerate(ends[1]):
-                inverse = self._inverse(a, b, fast_across, fast_down)
-                mix = (parts[0] if i else 1.0 - parts[0]) * (parts[1] if j else 1.0 - parts[1])
-                self._mixes.append((inverse.astype(np.float32), mix.astype(np.float32)))
+        self._inverses: list[tuple[int, int, Single]] = [
+            (i, j, self._inverse(a, b, fast_across, fast_down).astype(np.float32))
+            for i, a in enumerate(ends[0])
+            for j, b in enumerate(ends[1])
+        ]
         middle = tuple(n // 2 for n in lattice.shape)
-        self.gain *= self._inverse(float(across[middle]), float(down[middle]), k_across, k_down)
+        self._middle = float(across[middle]), float(down[middle])
+
+    def gain(self) -> Float:
+        """(rows, cols) by which the cosines' noise is multiplied, in the middle of the view."""
+        k_down, k_across = (np.pi * np.arange(n) / n for n in self._shape)
+        sharp = [1.0 + 2.0 * self._sharpening * (1.0 - np.cos(k)) for k in (k_down, k_across)]
+        gain: Float = np.outer(*sharp)
+        if self.divides:
+            gain *= self._inverse(*self._middle, k_across, k_down)
+        return gain
 
     def _inverse(self, across: float, down: float, k_across: Float, k_down: Float) -> Float:
         """G (rows, cols) of the cosines for a footprint of these half widths, px."""
         return regularised_inverse(response(np.hypot(across * k_across, (down * k_down)[:, None])))
 
     def sharpened(self, d: Single, usable: Mask) -> Single:
-        """Displacement (rows, cols, 2), px, without the lens's and the pixel's blur."""
-        kernel = np.array([-self._sharpening, 1.0 + 2.0 * self._sharpening, -self._sharpening])
-        whole = d.copy()
-        whole[~usable] = 0.0
-        return np.asarray(cv2.sepFilter2D(whole, -1, kernel, kernel, borderType=cv2.BORDER_REFLECT))
+        """Displacement (rows, cols, 2), px, without the lens's and the pixel's blur.
 
-    def divided(self, depth_mm: Float) -> Float:
+        Where it is not usable it is 0 from then on.
+        """
+        kernel = np.array([-self._sharpening, 1.0 + 2.0 * self._sharpening, -self._sharpening])
+        d[~usable] = 0.0
+        return np.asarray(cv2.sepFilter2D(d, -1, kernel, kernel, borderType=cv2.BORDER_REFLECT))
+
+    def divided(self, depth_mm: Single) -> Single:
         """Depth (rows, cols), finite, divided by the footprint."""
         rows, cols = depth_mm.shape
         more = self._fast[0] - rows, self._fast[1] - cols
         # mirrored at the border, as the transform itself has it
-        whole = cv2.copyMakeBorder(
-            depth_mm.astype(np.float32), 0, more[0], 0, more[1], borderType=cv2.BORDER_REFLECT
-        )
+        whole = cv2.copyMakeBorder(depth_mm, 0, more[0], 0, more[1], borderType=cv2.BORDER_REFLECT)
         waves = dctn(np.asarray(whole), norm="ortho", overwrite_x=True)
         out = np.zeros((rows, cols), np.float32)
-        for inverse, mix in self._mixes:
-            out += mix * idctn(waves * inverse, norm="ortho", overwrite_x=True)[:rows, :cols]
-        return out.astype(np.float64)
+        right, lower = self._parts
+        for i, j, inverse in self._inverses:
+            part = idctn(waves * inverse, norm="ortho", overwrite_x=True)[:rows, :cols]
+            part *= right if i else 1.0 - right
+            part *= lower if j else 1.0 - lower
+            out += part
+        return out

@@ -8,12 +8,14 @@ memory than a computer has to spare.)
 
 from __future__ import annotations
 
+from typing import Any
+
 import cv2
 import numba
 import numpy as np
 from scipy.fft import dctn, idctn, next_fast_len
 
-from zeromethod.arrays import Float, Mask, Single
+from zeromethod.arrays import Mask, Single
 
 ENOUGH = 1e-5
 """Residual over that of no solution, preconditioned, at which it is solved: errors of depth are below it."""
@@ -66,10 +68,10 @@ def _divergence(across: Single, down: Single, of_across: Single, of_down: Single
                 out[i, j] -= flow
 
 
-def eigenvalues(shape: tuple[int, ...], across: float, down: float) -> Float:
+def eigenvalues(shape: tuple[int, ...], across: float, down: float, kind: type = np.float64) -> Any:
     """Of the Laplacian with these weights of all steps, by the wave numbers of the cosine transform."""
     rows, cols = (2.0 - 2.0 * np.cos(np.pi * np.arange(n) / n) for n in shape)
-    return np.asarray(down * rows[:, None] + across * cols)
+    return (down * rows[:, None]).astype(kind) + (across * cols).astype(kind)
 
 
 def largest_part(valid: Mask) -> Mask:
@@ -98,9 +100,9 @@ class PixelIntegrator:
         """
         across, down = weights
         scale, ratio = _evened(across, down)
-        values = eigenvalues(self._fast, 1.0, ratio)
-        values[0, 0] = np.inf
-        inverse, (rows, cols) = (1.0 / values).astype(np.float32), self._shape
+        inverse, (rows, cols) = eigenvalues(self._fast, 1.0, ratio, np.float32), self._shape
+        inverse[0, 0] = np.inf
+        np.reciprocal(inverse, out=inverse)
         whole = np.empty(self._fast, np.float32)
         right, x, product = np.empty(self._shape, np.float32), start.copy(), np.empty(self._shape, np.float32)
         _divergence(*steps, across, down, right)
@@ -158,7 +160,7 @@ def _dot(one: Single, other: Single) -> float:
 
 
 @numba.njit(cache=True)
-def _gradient(z: Float, x: Float, y: Float, out: Single) -> None:
+def _gradient(z: Single, x: Single, y: Single, out: Single) -> None:
     rows, cols = z.shape
     for j in range(rows):
         above, below = max(j - 1, 0), min(j + 1, rows - 1)
@@ -172,26 +174,56 @@ def _gradient(z: Float, x: Float, y: Float, out: Single) -> None:
             out[1, j, i] = (xu * dv - xv * du) / area
 
 
-def gradient(depth_mm: Float, x: Float, y: Float) -> Single:
+def gradient(depth_mm: Single, x: Single, y: Single) -> Single:
     """Slope (2, rows, cols) of a depth at points x, y, (rows, cols) each."""
     out = np.empty((2, *depth_mm.shape), np.float32)
     _gradient(depth_mm, x, y, out)
     return out
 
 
-def step_weights(slope2: Single, x_mm: Float, y_mm: Float, valid: Mask) -> tuple[Single, Single]:
+@numba.njit(cache=True, error_model="numpy")
+def _weigh(slope2: Single, x: Single, y: Single, valid: Mask, across: Single, down: Single) -> None:
+    for j in range(valid.shape[0]):
+        for way, out in ((0, across), (1, down)):
+            below = j + way
+            if below == valid.shape[0]:
+                continue
+            for i in range(out.shape[1]):
+                beyond = i + 1 - way
+                dx, dy = x[below, beyond] - x[j, i], y[below, beyond] - y[j, i]
+                x2, y2 = (
+                    slope2[0, j, i] + slope2[0, below, beyond],
+                    slope2[1, j, i] + slope2[1, below, beyond],
+                )
+                noise2 = np.float32(0.5) * (x2 * dx * dx + y2 * dy * dy)
+                both = valid[j, i] and valid[below, beyond]
+                out[j, i] = np.float32(1.0) / noise2 if both else np.float32(0.0)
+
+
+def step_weights(slope2: Single, x_mm: Single, y_mm: Single, valid: Mask) -> tuple[Single, Single]:
     """Weights (rows, cols-1), (rows-1, cols) of the steps by their noise, of mean 1; 0 at invalid pixels.
 
     slope2: (2, rows, cols) variance of the slope, rad^2.
     """
-    out = []
-    for axis in (1, 0):
-        dx, dy = np.diff(x_mm, axis=axis), np.diff(y_mm, axis=axis)
-        ahead = (slice(None), slice(1, None)) if axis else (slice(1, None), slice(None))
-        back = (slice(None), slice(None, -1)) if axis else (slice(None, -1), slice(None))
-        both = valid[ahead] & valid[back]
-        mean2 = 0.5 * (slope2[:, *ahead] + slope2[:, *back])
-        noise2 = mean2[0] * dx**2 + mean2[1] * dy**2
-        out.append(np.where(both, 1.0 / np.where(both, noise2, 1.0), 0.0))
-    total = max(float(np.mean([one.mean() for one in out])), 1e-300)
-    return (out[0] / total).astype(np.float32), (out[1] / total).astype(np.float32)
+    rows, cols = valid.shape
+    across, down = np.empty((rows, cols - 1), np.float32), np.empty((rows - 1, cols), np.float32)
+    _weigh(slope2, x_mm, y_mm, valid, across, down)
+    total = 0.5 * float(across.mean(dtype=np.float64) + down.mean(dtype=np.float64))
+    per = np.float32(1.0 / max(total, 1e-30))
+    across *= per
+    down *= per
+    return across, down
+
+
+@numba.njit(cache=True, error_model="numpy")
+def take_out(level_mm: Single, scale: Single, across: Single, down: Single) -> None:
+    """Make steps of depth those of what it has beyond a level, over the scale h; in place."""
+    for j in range(level_mm.shape[0]):
+        for way, out in ((0, across), (1, down)):
+            below = j + way
+            if below == level_mm.shape[0]:
+                continue
+            for i in range(out.shape[1]):
+                beyond = i + 1 - way
+                step = out[j, i] - (level_mm[below, beyond] - level_mm[j, i])
+                out[j, i] = step / np.sqrt(scale[j, i] * scale[below, beyond])

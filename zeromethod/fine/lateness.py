@@ -14,7 +14,7 @@ import numba
 import numpy as np
 
 from zeromethod.arrays import Float, Image, Single
-from zeromethod.fine.demodulate import UNKNOWNS, Design
+from zeromethod.fine.demodulate import BAND_ROWS, UNKNOWNS, Design, middle_grey
 from zeromethod.fine.frames import Steps
 
 LIKELY_S = 1e-3
@@ -24,55 +24,56 @@ _LEAST_JITTER_S = 1e-7
 
 
 @numba.njit(cache=True, fastmath={"contract", "reassoc"})
-def _products(
-    images: Image, row: int, level: float, solution: Single, of_each: Float, of_grey: Float
-) -> None:
-    """Sums over a row of products of the unknowns (5, cols) with each other and with the grey levels."""
-    count, cols = images.shape[0], images.shape[2]
-    unknowns, zero = np.zeros((5, cols), np.float32), np.float32(level)
-    for t in range(count):
-        line = images[t, row]
-        for k in range(5):
-            weight = solution[k, t]
-            for i in range(cols):
-                unknowns[k, i] += weight * (np.float32(line[i]) - zero)
-    for k in range(5):
-        for m in range(5):
-            total = np.float32(0.0)
-            for i in range(cols):
-                total += unknowns[k, i] * unknowns[m, i]
-            of_each[k, m] = total
+def _products(images: Image, level: float, solution: Single, of_each: Float, of_grey: Float) -> None:
+    """Sums over each row of products of the unknowns (5, cols) with each other and with the grey levels."""
+    count, rows, cols = images.shape
+    unknowns, zero = np.empty((5, cols), np.float32), np.float32(level)
+    for row in range(rows):
+        unknowns[:] = np.float32(0.0)
         for t in range(count):
             line = images[t, row]
-            total = np.float32(0.0)
-            for i in range(cols):
-                total += unknowns[k, i] * (np.float32(line[i]) - zero)
-            of_grey[k, t] = total
+            for k in range(5):
+                weight = solution[row, k, t]
+                for i in range(cols):
+                    unknowns[k, i] += weight * (np.float32(line[i]) - zero)
+        for k in range(5):
+            for m in range(5):
+                total = np.float32(0.0)
+                for i in range(cols):
+                    total += unknowns[k, i] * unknowns[m, i]
+                of_each[row, k, m] = total
+            for t in range(count):
+                line = images[t, row]
+                total = np.float32(0.0)
+                for i in range(cols):
+                    total += unknowns[k, i] * (np.float32(line[i]) - zero)
+                of_grey[row, k, t] = total
 
 
-def lateness(images: Image, steps: Sequence[Steps], design: Design, noise_grey: float) -> Float:
+def lateness(images: Sequence[Image], steps: Sequence[Steps], design: Design, noise_grey: float) -> Float:
     """(N,) seconds by which each frame's pictures came late; 0 where the target did not step.
 
-    images: (N, rows, cols) grey levels. design: of these steps as logged. noise_grey: of a pixel.
+    images: (rows, cols) grey levels of each. design: of these steps as logged. noise_grey: of a pixel.
     """
-    count = len(steps)
+    count, level = len(steps), middle_grey(images)
     normal, right = np.zeros((count, count)), np.zeros(count)
-    of_each, of_grey = np.zeros((UNKNOWNS, UNKNOWNS)), np.zeros((UNKNOWNS, count))
-    level, single = float(images[:, ::64, ::64].mean()), design.solution.astype(np.float32)
-    for row in range(images.shape[1]):
-        per_late = np.array([one.per_late_rad[row] for one in steps])
-        if not per_late.any():
-            continue
-        basis, solution = design.basis[row], design.solution[row]
-        _products(images, row, level, single[row], of_each, of_grey)
+    for first in range(0, len(images[0]), BAND_ROWS):
+        rows = slice(first, first + BAND_ROWS)
+        band = np.stack([one[rows] for one in images])
+        per_late = np.stack([one.per_late_rad[rows] for one in steps], axis=1)
+        basis, solution = design.basis[rows], design.solution[rows]
+        of_each = np.empty((len(basis), UNKNOWNS, UNKNOWNS))
+        of_grey = np.empty((len(basis), UNKNOWNS, count))
+        _products(band, level, solution.astype(np.float32), of_each, of_grey)
         # d/d(phase) of Re[C w] is Re[i C w]: of C = (c, s) and w = (p, -q), that is (-q) c - p s
-        turned = np.zeros((count, UNKNOWNS))
-        for axis in (0, 1):
-            re, im = 1 + 2 * axis, 2 + 2 * axis
-            turned[:, re] = per_late[:, axis] * basis[:, im]
-            turned[:, im] = -per_late[:, axis] * basis[:, re]
-        normal += (turned @ of_each @ turned.T) * (np.eye(count) - basis @ solution)
-        right += (turned * (of_grey.T - basis @ of_each)).sum(axis=1)
+        turned = np.zeros((len(basis), count, UNKNOWNS))
+        turned[..., 1::2] = per_late * basis[..., 2::2]
+        turned[..., 2::2] = -per_late * basis[..., 1::2]
+        left_over = np.eye(count) - basis @ solution
+        normal += ((turned @ of_each @ np.swapaxes(turned, 1, 2)) * left_over).sum(axis=0)
+        right += (turned * (np.swapaxes(of_grey, 1, 2) - basis @ of_each)).sum(axis=(0, 2))
+    if not normal.any():
+        return right
     return _likeliest(normal / noise_grey**2, right / noise_grey**2)
 
 

@@ -19,17 +19,23 @@ from zeromethod.warp.interpolant import keys_weights
 
 
 class Between(NamedTuple):
-    """Keys' weights (pixels, 4) along one axis: of pixel k, of the nodes from first[k] on, a ghost ahead."""
+    """Keys' weights between nodes.
+
+    of_rows: (rows, 4) of pixel row k, of the rows of nodes from first[k] on, a ghost ahead. of_cell: (4,
+    spacing) of the pixels from a node to the next along a row, of the nodes from one before it on.
+    """
 
     first: Ints
-    weights: Float
+    of_rows: Float
+    of_cell: Float
 
     @classmethod
-    def of(cls, pixels: int, spacing: int, nodes: int) -> Between:
-        """For pixels 0, 1, ... and nodes at 0, spacing, ..."""
-        at = np.arange(pixels)
+    def of(cls, rows: int, spacing: int, nodes: int) -> Between:
+        """For pixel rows 0, 1, ... and nodes at 0, spacing, ..."""
+        at = np.arange(rows)
         first = np.minimum(at // spacing, nodes - 2)
-        return cls(first, np.array([keys_weights(k / spacing - i) for k, i in zip(at, first, strict=True)]))
+        of_rows = np.array([keys_weights(k / spacing - i) for k, i in zip(at, first, strict=True)])
+        return cls(first, of_rows, np.array([keys_weights(k / spacing) for k in range(spacing)]).T.copy())
 
 
 def with_ghosts(nodes: Float) -> Float:
@@ -42,26 +48,33 @@ def with_ghosts(nodes: Float) -> Float:
     return out
 
 
+@numba.njit(cache=True, inline="always")
+def pixel_line(nodes: Any, first: Any, weights: Any, of_cell: Any, line: Any, out: Any) -> None:
+    """A row of pixels from the four rows of nodes, with ghosts, from `first` on; line: of a row of nodes.
+
+    Cell by cell, so that the pixels of each are computed at once.
+    """
+    w0, w1, w2, w3 = weights[0], weights[1], weights[2], weights[3]
+    for i in range(len(line)):
+        line[i] = w0 * nodes[first, i] + w1 * nodes[first + 1, i]
+        line[i] += w2 * nodes[first + 2, i] + w3 * nodes[first + 3, i]
+    spacing, cells = of_cell.shape[1], len(line) - 3
+    for i in range(cells):
+        a, b, c, d = line[i], line[i + 1], line[i + 2], line[i + 3]
+        for k in range(spacing):
+            out[i * spacing + k] = (
+                of_cell[0, k] * a + of_cell[1, k] * b + of_cell[2, k] * c + of_cell[3, k] * d
+            )
+    out[cells * spacing] = line[cells + 1]
+
+
 @numba.njit(cache=True)
-def _to_pixels(
-    nodes: Any, row_first: Any, row_weights: Any, col_first: Any, col_weights: Any, out: Any
-) -> None:
+def _to_pixels(nodes: Any, row_first: Any, of_rows: Any, of_cell: Any, out: Any) -> None:
     """Planes with ghosts (k, rows, cols) at the pixels (k, rows, cols)."""
     line = np.empty(nodes.shape[2])
     for k in range(out.shape[0]):
         for j in range(out.shape[1]):
-            first = row_first[j]
-            for i in range(len(line)):
-                value = 0.0
-                for m in range(4):
-                    value += row_weights[j, m] * nodes[k, first + m, i]
-                line[i] = value
-            for i in range(out.shape[2]):
-                at = col_first[i]
-                value = 0.0
-                for m in range(4):
-                    value += col_weights[i, m] * line[at + m]
-                out[k, j, i] = value
+            pixel_line(nodes[k], row_first[j], of_rows[j], of_cell, line, out[k, j])
 
 
 @numba.njit(cache=True, fastmath={"contract", "reassoc"})
@@ -105,9 +118,8 @@ class PixelLattice:
         rows, cols = grid.shape
         self.nodes = rows - 2 * PADDING, cols - 2 * PADDING
         self.shape = tuple(part.stop - part.start for part in self.box)
-        counts = zip(self.shape, self.nodes, strict=True)
-        self.down, self.across = (Between.of(n, grid.spacing_px, m) for n, m in counts)
-        """Weights of nodes at pixels along both axes."""
+        self.between = Between.of(self.shape[0], grid.spacing_px, self.nodes[0])
+        """Weights of nodes at pixels."""
         self._triangle = triangle(grid.period_px).astype(np.float32)
 
     def to_pixels(self, nodes: Float) -> Single:
@@ -121,7 +133,7 @@ class PixelLattice:
     def _between(self, nodes: Float, kind: type) -> Any:
         planes = with_ghosts(np.asarray(nodes, np.float64).reshape(-1, *self.nodes))
         out = np.empty((len(planes), *self.shape), kind)
-        _to_pixels(planes, *self.down, *self.across, out)
+        _to_pixels(planes, *self.between, out)
         return out.reshape(nodes.shape[:-2] + self.shape)
 
     def window_means(self, values: Single, used: Mask) -> tuple[Float, Float]:

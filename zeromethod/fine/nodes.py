@@ -72,7 +72,11 @@ def read_nodes(
     late_px = per_rad * np.stack([x * one.node_late_rad_per_s for x, one in zip(late_s, frames, strict=True)])
     coarse = np.stack([frame.measured.q for frame in frames]) - matvec(bending, late_px)
     valid = np.logical_and.reduce([frame.measured.valid for frame in frames])
-    share = fine_share(coarse, np.stack([frame.measured.sigma for frame in frames]), valid)
+    across = np.asarray(np.linalg.inv(bending), np.float64)
+    noise2 = np.mean([frame.measured.sigma**2 for frame in frames], axis=0)
+    rows = np.clip(grid.v_px, 0, grid.image_shape[0] - 1).astype(int)
+    turns = np.stack([one.phase_rad[rows] for one in sequence.steps])
+    share = fine_share(matvec(across, coarse - shown), matvec(across * across, noise2), valid, turns)
     share[~np.isfinite(fine).all(axis=-1)] = 0.0
     # what is too fine or steep for a window may still be seen pixel by pixel
     by_pixels = grid.padded((part > _WHOLE_WINDOW) & _standing(lattice, pixels, usable), False)

@@ -11,6 +11,8 @@ itself, as c^2 is a cosine of twice the frequency; the second is one of v a.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from scipy.fft import dctn, idctn
 
@@ -20,6 +22,8 @@ from zeromethod.sensing.window import transfer
 
 _SAME = 0.1
 """Relative change of what the noise beyond the window is computed from, up to which it is kept."""
+_SAMPLED_PX = 4
+"""From one pixel to the next of which the noise's mean over the view is taken."""
 _POINTS = np.array([11.0, -93.0, 802.0, 802.0, -93.0, 11.0]) / 1440.0
 """Weights of pixels in the integral from one to the next, as `surface.differences` has them."""
 
@@ -81,21 +85,23 @@ class DetailNoise:
 
     Computed again when the noise of the two slopes, against each other, or the pixels' steps have changed.
 
-    period_px: of the carriers, and so of the window. gain: as `wave_variance` takes it.
+    period_px: of the carriers, and so of the window. gain: what makes that of `wave_variance`.
     """
 
-    def __init__(self, period_px: int, gain: Float | None = None) -> None:
+    def __init__(self, period_px: int, gain: Callable[[], Float] | None = None) -> None:
         self._period_px, self._gain = period_px, gain
         self._known: tuple[float, float, float] | None = None
-        self._unit = np.zeros((0, 0))
+        self._unit: Single = np.zeros((0, 0), np.float32)
 
-    def variance(self, slope2: Single, x_mm: Float, y_mm: Float, valid: Mask) -> Float:
+    def variance(self, slope2: Single, x_mm: Single, y_mm: Single, valid: Mask) -> Single:
         """Variance (rows, cols), mm^2.
 
         slope2: (2, rows, cols) variance of the slope, rad^2, which varies slowly over the view: the variance
         goes with it, as most of it comes from nearby. valid: (rows, cols), some.
         """
-        x2, y2 = (float(np.mean(one[valid])) for one in slope2)
+        some = slice(None, None, _SAMPLED_PX), slice(None, None, _SAMPLED_PX)
+        among = some if valid[some].any() else (slice(None), slice(None))
+        x2, y2 = (float(np.mean(one[among][valid[among]])) for one in slope2)
         steps, variances = [], []
         for axis in (1, 0):
             dx, dy = (_mean_step(one, axis) for one in (x_mm, y_mm))
@@ -105,18 +111,21 @@ class DetailNoise:
         if self._known is None or not np.allclose(now, self._known, rtol=_SAME):
             self._known = now
             self._unit = self._beyond_window(valid.shape, (steps[0], steps[1]), now[0])
-        level = np.mean(slope2, axis=0)
-        return np.asarray(self._unit * (variances[0] / float(np.mean(level[valid]))) * level)
+        out: Single = slope2[0] + slope2[1]
+        out *= self._unit
+        out *= np.float32(variances[0] / (x2 + y2))
+        return out
 
-    def _beyond_window(self, shape: tuple[int, ...], steps_mm: tuple[float, float], ratio: float) -> Float:
+    def _beyond_window(self, shape: tuple[int, ...], steps_mm: tuple[float, float], ratio: float) -> Single:
         """Variance (rows, cols) where slopes along columns have variance 1, and along rows this one."""
         rows, cols = shape
-        wave = wave_variance((rows, cols), steps_mm, (1.0, ratio), self._gain)
+        gain = None if self._gain is None else self._gain()
+        wave = wave_variance((rows, cols), steps_mm, (1.0, ratio), gain)
         down, across = (transfer(self._period_px, np.maximum(np.arange(n), 1e-6) / (2 * n)) for n in shape)
-        return _squares(wave * (1.0 - np.outer(down, across) ** 2))
+        return _squares(wave * (1.0 - np.outer(down, across) ** 2)).astype(np.float32)
 
 
-def _mean_step(values: Float, axis: int) -> float:
+def _mean_step(values: Single, axis: int) -> float:
     """Mean difference of neighbours along an axis."""
-    ends = np.take(values, [0, -1], axis=axis).mean(axis=1 - axis)
+    ends = np.take(values, [0, -1], axis=axis).mean(axis=1 - axis, dtype=np.float64)
     return float((ends[1] - ends[0]) / (values.shape[axis] - 1))

@@ -11,7 +11,7 @@ from zeromethod.fine.demodulate import Demodulated, Design, demodulate, usable_p
 from zeromethod.fine.detail import pixel_detail
 from zeromethod.fine.footprint import Footprint
 from zeromethod.fine.frames import FineFrame, FrameSequence
-from zeromethod.fine.integrate import PixelIntegrator, gradient, largest_part, step_weights
+from zeromethod.fine.integrate import PixelIntegrator, gradient, largest_part, step_weights, take_out
 from zeromethod.fine.lateness import lateness
 from zeromethod.fine.lattice import PixelLattice
 from zeromethod.fine.nodes import NodeWindows, read_nodes
@@ -23,10 +23,8 @@ from zeromethod.rig.model import Rig
 from zeromethod.sensing.residual import Limits
 from zeromethod.surface import Surface, SurfaceReader
 from zeromethod.surface.differences import depth_differences
-from zeromethod.surface.lever import Lever
-from zeromethod.surface.rays import MirrorRays
 from zeromethod.warp.continuation import continue_smoothly
-from zeromethod.warp.grid import PADDING, NodeGrid
+from zeromethod.warp.grid import NodeGrid
 
 FRAMES = 24
 """Frames read together, 0.4 s at 60 per second. Of 16, noise may be 6 times as large: around a turn."""
@@ -59,12 +57,6 @@ class FineReader:
         self._camera, self._grid = rig.camera, grid
         self._lattice = PixelLattice(grid)
         self._reader = SurfaceReader(rig, optics, grid)
-        u, v = (one[grid.inner] for one in grid.mesh())
-        sensitivity = optics.sensitivity(u, v)
-        with np.errstate(invalid="ignore"):
-            regular = np.abs(np.linalg.det(sensitivity)) > 0.0
-        whole = np.where(regular[..., None, None], sensitivity, np.eye(2))
-        self._lever = Lever(MirrorRays(optics, u, v), whole)
         self._integrator = PixelIntegrator(self._lattice.shape)
         self._footprint = Footprint(rig, self._lattice) if divide else None
         self._detail_noise = DetailNoise(
@@ -90,7 +82,7 @@ class FineReader:
         InputError
             Where the target's phases in these frames do not determine a pixel's displacement.
         """
-        images = np.stack([frame.image for frame in frames])
+        images = [frame.image for frame in frames]
         sequence = FrameSequence.of(frames, self._grid)
         steps = sequence.steps
         late_s = lateness(images, steps, Design.of(steps), self._noise_grey(images))
@@ -100,19 +92,24 @@ class FineReader:
         ceiling = 2**self._camera.bits - 1
         usable = usable_pixels(pixels, ceiling, limits.visibility, _MOST_SIGMA_PX)
         nodes = read_nodes(self._lattice, frames, sequence, design, late_s, pixels, usable)
-        return self._read_pixels(nodes, pixels, usable, len(frames))
+        d, variance = pixels.d, pixels.variance
+        del images, sequence, pixels
+        return self._read_pixels(nodes, d, variance, usable, len(frames))
 
-    def _noise_grey(self, images: Image) -> float:
+    def _noise_grey(self, images: Sequence[Image]) -> float:
         noise = self._camera.noise
         per_grey = 0.0 if noise.electrons_per_grey is None else 1.0 / noise.electrons_per_grey
-        light = max(float(images[0, ::8, ::8].mean()) - noise.black_grey, 0.0)
+        light = max(float(images[0][::8, ::8].mean()) - noise.black_grey, 0.0)
         return float(np.sqrt(noise.read_grey**2 + 1 / 12 + per_grey * light))
 
-    def _demodulated(self, images: Image, design: Design) -> Demodulated:
+    def _demodulated(self, images: Sequence[Image], design: Design) -> Demodulated:
         """Pixels between the nodes."""
         return demodulate(images, design, self._grid.period_px, self._camera.noise, self._lattice.box)
 
-    def _read_pixels(self, nodes: NodeWindows, pixels: Demodulated, usable: Mask, count: int) -> FineSurface:
+    def _read_pixels(
+        self, nodes: NodeWindows, d: Single, variance: Single, seen: Mask, count: int
+    ) -> FineSurface:
+        """Surface of displacements of this variance, (rows, cols, 2), which it uses up as it does `seen`."""
         lattice, inner = self._lattice, self._grid.inner
         surface = self._reader.follow(nodes.warp)
         coarse_slope, coarse_depth = _continued(surface, inner)
@@ -120,45 +117,39 @@ class FineReader:
         away = continue_smoothly(
             nodes.window - nodes.offset, np.asarray(np.isfinite(nodes.window).all(axis=-1))
         )[inner]
-        level = lattice.to_pixels_exact(np.moveaxis(away, -1, 0))
         footprint = self._footprint
-        d = pixels.d if footprint is None else footprint.sharpened(pixels.d, usable)
-        detail = pixel_detail(nodes.shown, d, level, PADDING, self._grid.spacing_px)
-        seen = usable & np.isfinite(detail[..., 0] + detail[..., 1])
+        if footprint is not None:
+            d = footprint.sharpened(d, seen)
+        pixel_detail(lattice, nodes.shown, away, share, d, seen)
+        variance[~seen] = np.float32(_MOST_SIGMA_PX**2)
         # what moves may blur within the frames: there the nodes are read all the same
         valid = lattice.enclosed(surface.valid[inner]) & (seen | (share < _LEAST_SHARE))
-        detail *= share[..., None]
-        detail[~seen] = 0.0
-        variance = np.where(seen[..., None], pixels.variance, np.float32(_MOST_SIGMA_PX**2))
-        lever, by_slope, turned = lever_planes(self._lever, coarse_depth, coarse_slope)
+        lever, by_slope, turned = lever_planes(self._reader.lever, coarse_depth, coarse_slope)
         jacobian = np.moveaxis(nodes.bending[inner].reshape(*lattice.nodes, 4), -1, 0)
         planes = Planes(turned, lever, by_slope, jacobian, np.moveaxis(coarse_slope, -1, 0))
-        slope, slope2 = pixel_slopes(lattice, detail, planes, variance)
+        slope, slope2 = pixel_slopes(lattice, d, planes, variance)
+        del d, variance, planes
         valid = largest_part(valid & np.isfinite(slope[0] + slope2[0] + slope2[1]))
-        x, y = lattice.to_pixels_exact(np.stack([surface.x_mm[inner], surface.y_mm[inner]]))
-        level_mm = lattice.to_pixels_exact(coarse_depth)
-        error = self._integrated(slope, slope2, x, y, level_mm, valid)
-        scale = lattice.to_pixels_exact(self._reader.scale)
-        error -= _mean(error, lattice.enclosed(surface.anchor.mask[inner]) & valid, valid)
-        depth = level_mm + scale * error
+        x, y = lattice.to_pixels(np.stack([surface.x_mm[inner], surface.y_mm[inner]]))
+        depth = self._integrated(slope, slope2, x, y, coarse_depth, valid, surface.anchor.mask[inner])
         if footprint is not None and footprint.divides:
             before, depth = depth, footprint.divided(depth)
-            slope = slope + gradient(depth - before, x, y)
-        sigma_slope2 = share**2 * slope2 + (1 - share) ** 2 * self._window_slope2(surface)
-        sigma2 = self._depth_variance(surface, x, y, slope2, share, valid)
-
-        def known(values: Float | Single) -> Single:
-            mask = valid.reshape(valid.shape + (1,) * (values.ndim - 2))
-            return np.where(mask, values, np.nan).astype(np.float32)
-
+            slope += gradient(depth - before, x, y)
+            del before
+        variance_mm2 = self._depth_variance(surface, x, y, slope2, share, valid)
+        slope2 *= share**2
+        if (share < 1.0).any():
+            slope2 += (1 - share) ** 2 * self._window_slope2(surface)
+        for one in (depth, variance_mm2, slope[0], slope[1], slope2[0], slope2[1]):
+            one[~valid] = np.nan
         box = lattice.box
         return FineSurface(
-            depth_mm=known(depth),
-            slope=known(np.moveaxis(slope, 0, -1)),
-            x_mm=x.astype(np.float32),
-            y_mm=y.astype(np.float32),
-            sigma_depth_mm=known(np.sqrt(sigma2)),
-            sigma_slope=known(np.moveaxis(np.sqrt(sigma_slope2), 0, -1)),
+            depth_mm=depth,
+            slope=np.ascontiguousarray(np.moveaxis(slope, 0, -1)),
+            x_mm=x,
+            y_mm=y,
+            sigma_depth_mm=np.sqrt(variance_mm2, out=variance_mm2),
+            sigma_slope=np.ascontiguousarray(np.moveaxis(np.sqrt(slope2, out=slope2), 0, -1)),
             valid=valid,
             share=share,
             first_px=(box[0].start, box[1].start),
@@ -170,19 +161,29 @@ class FineReader:
         )
 
     def _integrated(
-        self, slope: Single, slope2: Single, x: Float, y: Float, level_mm: Float, valid: Mask
-    ) -> Float:
-        """Depth less the level over h, (rows, cols), up to a constant."""
-        slopes = np.where(valid, slope, np.float32(0.0)).astype(np.float64)
+        self,
+        slope: Single,
+        slope2: Single,
+        x: Single,
+        y: Single,
+        coarse_mm: Float,
+        valid: Mask,
+        anchored: Mask,
+    ) -> Single:
+        """Depth (rows, cols), mm: what the nodes' lacks, with the nodes' mean where those are anchored."""
+        level_mm = self._lattice.to_pixels(coarse_mm)
+        scale = self._lattice.to_pixels(self._reader.scale)
+        slopes = np.where(valid, slope, np.float32(0.0))
         across, down = depth_differences(np.moveaxis(slopes, 0, -1), x, y, valid)
-        h = self._lattice.to_pixels_exact(self._reader.scale)
-        lacking = (
-            ((across - np.diff(level_mm, axis=1)) / np.sqrt(h[:, 1:] * h[:, :-1])).astype(np.float32),
-            ((down - np.diff(level_mm, axis=0)) / np.sqrt(h[1:] * h[:-1])).astype(np.float32),
-        )
+        del slopes
+        down = np.ascontiguousarray(down)
+        take_out(level_mm, scale, across, down)
         weights = step_weights(slope2, x, y, valid)
-        self._last = self._integrator.solve(lacking, weights, self._last)
-        return self._last.astype(np.float64)
+        self._last = self._integrator.solve((across, down), weights, self._last)
+        error = self._last - _mean(self._last, self._lattice.enclosed(anchored) & valid, valid)
+        error *= scale
+        error += level_mm
+        return error
 
     def _window_slope2(self, surface: Surface) -> Single:
         """Variance (2, rows, cols) of the nodes' slope between them."""
@@ -191,16 +192,18 @@ class FineReader:
         return self._lattice.to_pixels(np.moveaxis(whole, -1, 0)) ** 2
 
     def _depth_variance(
-        self, surface: Surface, x: Float, y: Float, slope2: Single, share: Single, valid: Mask
-    ) -> Float:
+        self, surface: Surface, x: Single, y: Single, slope2: Single, share: Single, valid: Mask
+    ) -> Single:
         """Variance (rows, cols) of depth: the nodes', and the pixels' own beyond the nodes' window."""
         inner = self._grid.inner
         sigma = surface.sigma_depth_mm[inner]
         both = continue_smoothly(np.stack([sigma, sigma], axis=-1), np.isfinite(sigma))[..., 0]
-        nodes2 = self._lattice.to_pixels_exact(both) ** 2
-        if not valid.any():
-            return nodes2
-        return nodes2 + share**2 * self._detail_noise.variance(slope2, x, y, valid)
+        nodes2 = self._lattice.to_pixels(both) ** 2
+        if valid.any():
+            own = self._detail_noise.variance(slope2, x, y, valid)
+            own *= share**2
+            nodes2 += own
+        return nodes2
 
 
 def _continued(surface: Surface, inner: tuple[slice, slice]) -> tuple[Float, Float]:
@@ -211,7 +214,7 @@ def _continued(surface: Surface, inner: tuple[slice, slice]) -> tuple[Float, Flo
     return continue_smoothly(slope, known), pair[..., 0]
 
 
-def _mean(values: Float, among: Mask, otherwise: Mask) -> float:
+def _mean(values: Single, among: Mask, otherwise: Mask) -> np.float32:
     """Mean over some pixels; over others where there are none."""
     of = among if among.any() else otherwise
-    return float(values[of].mean()) if of.any() else 0.0
+    return np.float32(values[of].mean(dtype=np.float64) if of.any() else 0.0)

@@ -14,7 +14,7 @@ import numba
 import numpy as np
 
 from zeromethod.arrays import Float, Ints, Single
-from zeromethod.fine.lattice import PixelLattice, with_ghosts
+from zeromethod.fine.lattice import PixelLattice, pixel_line, with_ghosts
 from zeromethod.surface.lever import Lever
 
 _PASSES = 3
@@ -24,52 +24,37 @@ _PASSES = 3
 def _solve(
     nodes: Single,
     row_first: Ints,
-    row_weights: Float,
-    col_first: Ints,
-    col_weights: Float,
+    of_rows: Single,
+    of_cell: Single,
     detail: Single,
     variance: Single,
     slope: Single,
     slope2: Single,
 ) -> None:
-    """Planes of the nodes (rows + 2, cols + 2, k), interpolated row by row, and slopes of the pixels."""
+    """Planes of the nodes (k, rows + 2, cols + 2), interpolated row by row, and slopes of the pixels."""
     rows, cols = detail.shape[0], detail.shape[1]
-    planes = nodes.shape[2]
-    line, at = np.empty((nodes.shape[1], planes), np.float32), np.empty(planes, np.float32)
+    at, line = np.empty((nodes.shape[0], cols), np.float32), np.empty(nodes.shape[2], np.float32)
+    half, one = np.float32(0.5), np.float32(1.0)
     for j in range(rows):
-        first = row_first[j]
-        for i in range(nodes.shape[1]):
-            for k in range(planes):
-                line[i, k] = np.float32(0.0)
-            for m in range(4):
-                weight = np.float32(row_weights[j, m])
-                for k in range(planes):
-                    line[i, k] += weight * nodes[first + m, i, k]
+        for k in range(len(at)):
+            pixel_line(nodes[k], row_first[j], of_rows[j], of_cell, line, at[k])
         for i in range(cols):
-            for k in range(planes):
-                at[k] = np.float32(0.0)
-            for m in range(4):
-                weight = np.float32(col_weights[i, m])
-                for k in range(planes):
-                    at[k] += weight * line[col_first[i] + m, k]
-            x, y = detail[j, i, 0] + at[0], detail[j, i, 1] + at[1]
-            sx, sy = at[18], at[19]
+            x, y = detail[j, i, 0] + at[0, i], detail[j, i, 1] + at[1, i]
+            sx, sy = at[18, i], at[19, i]
             a = b = c = e = area = np.float32(0.0)
             for _ in range(_PASSES):
-                ha, hb, hc, he = (
-                    np.float32(0.5) * (at[6] * sx + at[10] * sy),
-                    np.float32(0.5) * (at[7] * sx + at[11] * sy),
-                    np.float32(0.5) * (at[8] * sx + at[12] * sy),
-                    np.float32(0.5) * (at[9] * sx + at[13] * sy),
-                )
-                a, b, c, e = at[2] + ha, at[3] + hb, at[4] + hc, at[5] + he
-                area = np.float32(1.0) / (a * e - b * c)
+                a = at[2, i] + half * (at[6, i] * sx + at[10, i] * sy)
+                b = at[3, i] + half * (at[7, i] * sx + at[11, i] * sy)
+                c = at[4, i] + half * (at[8, i] * sx + at[12, i] * sy)
+                e = at[5, i] + half * (at[9, i] * sx + at[13, i] * sy)
+                area = one / (a * e - b * c)
                 sx, sy = (e * x - b * y) * area, (a * y - c * x) * area
             slope[0, j, i], slope[1, j, i] = sx, sy
-            xu, xv, yu, yv = at[14], at[15], at[16], at[17]
+            xu, xv, yu, yv = at[14, i], at[15, i], at[16, i], at[17, i]
             u2, v2 = variance[j, i, 0] * (area * area), variance[j, i, 1] * (area * area)
-            slope2[0, j, i] = (e * xu - b * yu) ** 2 * u2 + (e * xv - b * yv) ** 2 * v2
-            slope2[1, j, i] = (a * yu - c * xu) ** 2 * u2 + (a * yv - c * xv) ** 2 * v2
+            of_xu, of_xv, of_yu, of_yv = e * xu - b * yu, e * xv - b * yv, a * yu - c * xu, a * yv - c * xv
+            slope2[0, j, i] = of_xu * of_xu * u2 + of_xv * of_xv * v2
+            slope2[1, j, i] = of_yu * of_yu * u2 + of_yv * of_yv * v2
 
 
 def lever_planes(lever: Lever, depth_mm: Float, slope: Float) -> tuple[Float, Float, Float]:
@@ -108,8 +93,9 @@ def pixel_slopes(
     detail: (rows, cols, 2) LCD px beyond the nodes' interpolated position. variance: (rows, cols, 2) of the
     displacement, px^2.
     """
-    nodes = np.moveaxis(with_ghosts(np.concatenate(planes)), 0, -1)
+    nodes = with_ghosts(np.concatenate(planes)).astype(np.float32)
     slope, slope2 = (np.empty((2, *lattice.shape), np.float32) for _ in range(2))
-    weights = *lattice.down, *lattice.across
-    _solve(np.ascontiguousarray(nodes, np.float32), *weights, detail, variance, slope, slope2)
+    first, *weights = lattice.between
+    of_rows, of_cell = (one.astype(np.float32) for one in weights)
+    _solve(nodes, first, of_rows, of_cell, detail, variance, slope, slope2)
     return slope, slope2

@@ -26,7 +26,7 @@ from zeromethod.loop.events import Event
 from zeromethod.loop.light_hold import LightHold
 from zeromethod.loop.light_quality import LightWatch
 from zeromethod.loop.measured_warp import Known, expect, measure_warp, unmixed
-from zeromethod.loop.node_figures import at_rest, node_figures
+from zeromethod.loop.node_figures import node_figures
 from zeromethod.loop.order_check import Order, OrderCheck
 from zeromethod.loop.panel_blur import PanelBlur
 from zeromethod.loop.unsteady_nodes import UnsteadyNodes
@@ -37,12 +37,6 @@ from zeromethod.surface.expected_light import ExpectedLight
 from zeromethod.warp.continuation import continue_smoothly
 from zeromethod.warp.rest import Rest
 from zeromethod.warp.warp import Role, Warp
-
-REST_BLOCK = 4
-"""Half of the nodes on a side of the blocks that must all be at rest for the mirror to be."""
-
-REST_SIGMAS, REST_WITHIN_LCD_PX = 3.0, 0.05
-"""Displacement rms of a block, beyond so many deviations of noise, that counts as rest: 0.2 µm of press."""
 
 MOVED_LCD_PX = 0.5
 """Where a node moved further between frames, and the light follows the slope, the image is read a second
@@ -303,16 +297,6 @@ class Circle:
             self._sensor.set_reference(result.residual)
             if self.burst is not None:
                 self.burst.take_reference(result.residual)
-
-    def at_rest(self, measured: Warp, rest_q: Float | None = None) -> bool:
-        """Whether the controller's estimate is that of the untouched mirror, within noise.
-
-        rest_q: (rows, cols, 2) warp of the untouched mirror, LCD px, where it has drifted from the rig's.
-        """
-        estimate = self.controller.estimate
-        rest_q = self.rest.q if rest_q is None else rest_q
-        known = measured.sigma, measured.valid
-        return bool(at_rest(estimate, rest_q, *known, REST_BLOCK, REST_SIGMAS, REST_WITHIN_LCD_PX))
 
 
 def _has_moved(measured: Warp, known_q: Float) -> bool:

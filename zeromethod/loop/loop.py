@@ -276,7 +276,8 @@ class Loop:
         if not self._referenced and self.status.state in READ:
             self._circle.take_reference(result)  # later light is compared with that of the first nulled frame
             self._referenced = True
-        if (zeroed := self._zero.take(result.believed, result.residual_rms_px)) is not None:
+        seen = result.believed, result.residual_rms_px, self.status.state is State.RESTING
+        if (zeroed := self._zero.take(*seen)) is not None:
             events += (zeroed.event,)
             self._notices.add_always(zeroed)
         return self._step(
@@ -302,7 +303,7 @@ class Loop:
         # only matters, and is only worked out, where the loop is about to be locked
         if result.measured is None or self.status.nulled_frames + 1 < LOCK_FRAMES:
             return False
-        return self._circle.at_rest(result.measured, self._zero.rest_q)
+        return self._zero.at_rest(self._circle.controller.estimate, result.measured)
 
     def _show(self, result: FrameResult, refusal: Notice | None, frozen: bool, now_ns: int) -> Trouble | None:
         """Have the command drawn; what went wrong, where something did."""

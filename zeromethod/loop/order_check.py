@@ -38,6 +38,13 @@ JUMP_PERIODS, JUMPED_SHARE, JUMPED_QUIET_SHARE = 1 / 8, 0.5, 0.08
 """Change between frames, in periods, from which a node jumped, and share of nodes of a view that did; and
 share that did not move, above which it was a press."""
 
+STILL_SHARE, SUDDEN_FRAMES = 0.75, 2
+"""Share of nodes that do not move in a still mirror; and frames after which it must be still again. Between
+two still ones all of the view may have jumped by whole periods and a little, and shows the little alone."""
+
+ALIKE_PX = 0.05
+"""How far pictures at rest may differ, LCD px, and what their mixture does, camera px, to count as one."""
+
 GAP_S, LEAST_SHARE = 0.25, 0.5
 """Time without a measurement, and share of the nodes measured, after which order is to be found again."""
 
@@ -84,6 +91,8 @@ class OrderCheck:
         self._last_ns = 0
         self._steady = 0
         self._failed = False
+        self._still = False
+        self._unsure = 0
         self._since_ns = 0
         self._kept: Float | None = None
         self._larger: Float | None = None
@@ -109,15 +118,18 @@ class OrderCheck:
         if np.count_nonzero(residual.flags == 0) < LEAST_SHARE * self._visible:
             # the picture that is kept may be what hides them: the loop goes on by itself, in doubt again
             self._kept = self._larger = self._seen = None
-            self._started = False
+            self._started = self._still = False
+            self._unsure = 0
             return None
         interrupted = not self._started or time_ns - self._last_ns > 1e9 * GAP_S
         self._started, self._last_ns = True, time_ns
+        jump_px = JUMP_PERIODS * self._rest.grid.period_px
         if self._kept is None:
-            jump_px = JUMP_PERIODS * self._rest.grid.period_px
             quiet, jumped = _changes(residual.d, known.residual_px, residual.flags, QUIET_PX, jump_px)
             jumps = jumped > JUMPED_SHARE and quiet < JUMPED_QUIET_SHARE
-            if quiet > QUIET_SHARE or not (interrupted or jumps):
+            moves = self._still and quiet < JUMPED_QUIET_SHARE
+            self._still = quiet > STILL_SHARE
+            if quiet > QUIET_SHARE or not (interrupted or jumps or moves):
                 return None
             at_rest = expect(observation, self._rest.q, self._rest.visible, self._rest).residual_px
             if _changes(residual.d, at_rest, residual.flags, QUIET_PX, jump_px)[0] > QUIET_SHARE:
@@ -125,16 +137,39 @@ class OrderCheck:
             # as this frame saw it, which shows what a picture to be kept must
             self._kept, self._since_ns, self._seen = observation.shown.q.copy(), time_ns, None
             self._steady = 0
+            if moves and not (jumps or interrupted):
+                # so that no frame is lost where it is over in the next, which still sees the picture kept
+                self._larger, self._unsure = self._enlarged(self._kept), 1
+                return None
+        if self._unsure > 0:
+            quiet = _changes(residual.d, known.residual_px, residual.flags, QUIET_PX, jump_px)[0]
+            self._settle(observation, residual, quiet > STILL_SHARE)
+            return None
         return self._compare(observation, residual, known)
+
+    def _settle(self, observation: Observation, residual: Residual, still: bool) -> None:
+        """Take in a frame after one in which all of the view moved a little: by that, or by periods more."""
+        assert self._kept is not None
+        if still:
+            self._unsure = 0
+            if _alone(observation, self._kept, ALIKE_PX):
+                self._seen = residual.d.copy(), residual.valid.copy()
+            else:
+                self._larger = None
+        elif self._unsure < SUDDEN_FRAMES:
+            self._unsure += 1
+        else:
+            self._kept, self._larger, self._unsure, self._still = None, None, 0, False
 
     def _compare(self, observation: Observation, residual: Residual, known: Known) -> Known | None:
         """The order by a frame of the picture that is kept and one of the enlarged one, in turn."""
         assert self._kept is not None
-        if observation.mixture is not None:
-            self._steady = 0
-            return None
-        wanted = self._kept if self._larger is None else self._larger
-        self._steady = self._steady + 1 if _same(observation.shown.q, wanted) else 0
+        alone = (
+            _alone(observation, self._kept, ALIKE_PX)
+            if self._larger is None
+            else _alone(observation, self._larger, _SAME_LCD_PX)
+        )
+        self._steady = self._steady + 1 if alone else 0
         if self._steady < (STEADY_FRAMES if self._failed else 1):
             return None
         self._steady = 0
@@ -182,8 +217,14 @@ class OrderCheck:
         return 0.5 * self._to_carriers(d) if self._diagonal else d
 
 
-def _same(q: Float, other: Float) -> bool:
-    return bool(np.abs(q - other).max() < _SAME_LCD_PX)
+def _alone(observation: Observation, q: Float, within_px: float) -> bool:
+    """Whether a frame saw one picture alone, `q` (rows, cols, 2) LCD px, or others as like it as that."""
+    mixture = observation.mixture
+    if mixture is not None:
+        bias_px = mixture.bias_px
+        if mixture.mixed.any() or bias_px is None or np.abs(bias_px).max() > within_px:
+            return False
+    return bool(np.abs(observation.shown.q - q).max() < within_px)
 
 
 @numba.njit(cache=True)

@@ -17,6 +17,7 @@ import numpy as np
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.loop.events import Event, Notice
+from zeromethod.loop.rest_memory import RestMemory, quadratic
 from zeromethod.loop.state import LOCK_RESIDUAL_PX
 from zeromethod.warp.rest import Rest
 from zeromethod.warp.warp import Warp
@@ -29,6 +30,9 @@ FRAMES = 8
 
 PATIENCE_FRAMES = 60
 """Frames after which too few good ones mean that there is none to be had."""
+
+LIFT = "Lift it; if it is dirt that came since, start again"
+"""What to do about a press that was not there at the first rest."""
 
 BLOCK = 8
 """Nodes on a side of the blocks over which noise is averaged."""
@@ -46,9 +50,7 @@ STEADY_LCD_PX = 0.1
 def _quadratic(rest: Rest) -> Float:
     """(rows, cols, 6) terms up to second order of the nodes' places, of size 1."""
     u, v = rest.grid.mesh()
-    x = (u - u.mean()) / np.ptp(u)
-    y = (v - v.mean()) / np.ptp(v)
-    return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
+    return quadratic((u - u.mean()) / np.ptp(u), (v - v.mean()) / np.ptp(v))
 
 
 def _worst_block(values: Float, used: Mask) -> float:
@@ -70,10 +72,15 @@ class NoZero:
 
 
 class ZeroTaking:
-    """Gathers frames until a zero can be taken or refused."""
+    """Gathers frames until a zero can be taken or refused.
 
-    def __init__(self, rest: Rest) -> None:
+    rest_q: (rows, cols, 2) LCD px, the warp of the untouched mirror until now. memory: what was off there.
+    """
+
+    def __init__(self, rest: Rest, rest_q: Float, memory: RestMemory) -> None:
         self._rest = rest
+        self._rest_q = rest_q
+        self._memory = memory
         self._measured: list[Warp] = []
         self._frames = 0
 
@@ -100,17 +107,21 @@ class ZeroTaking:
         if np.count_nonzero(used) < 0.5 * np.count_nonzero(rest.visible):
             return NoZero("too much of the mirror is hidden")
         mean = np.where(used[..., None], away.mean(axis=0), 0.0)
-        sigma = np.stack([warp.sigma for warp in self._measured])[:, used]
-        noise = float(np.sqrt(np.mean(sigma**2) / FRAMES))
+        sigma = np.sqrt(np.mean([warp.sigma**2 for warp in self._measured], axis=0) / FRAMES)
+        noise = float(np.sqrt(np.mean(sigma[used] ** 2)))
         half = FRAMES // 2
         moved = np.where(used[..., None], away[half:].mean(axis=0) - away[:half].mean(axis=0), 0.0)
         if _worst_block(moved, used) > 2 * 3 * noise + STEADY_LCD_PX:
             return NoZero("the mirror moves")
         terms = _quadratic(rest)
         fit = terms @ np.linalg.lstsq(terms[used], mean[used], rcond=None)[0]
-        misfit = _worst_block(mean - fit, used)
+        since = mean + rest.q - self._rest_q
+        new = since - self._memory.off
+        misfit = _worst_block(new - terms @ np.linalg.lstsq(terms[used], new[used], rcond=None)[0], used)
         if misfit > 3 * noise + WITHIN_LCD_PX:
             return NoZero(f"something presses: a dent of {misfit:.2f} LCD px is seen")
+        if pressed := self._memory.pressed_lcd_px(since, sigma, used):
+            return NoZero(f"something presses that did not at the first rest: {pressed:.2f} LCD px. {LIFT}")
         largest = float(np.abs(fit[used]).max())
         if largest > LARGEST_LCD_PX:
             return NoZero(
@@ -129,6 +140,7 @@ class Zero:
     def __init__(self, rest: Rest) -> None:
         self.q: Float | None = None
         self._rest = rest
+        self._memory = RestMemory(rest.grid.shape)
         self._taking: ZeroTaking | None = None
 
     @property
@@ -142,10 +154,16 @@ class Zero:
 
     def request(self) -> None:
         """Take the mean warp of the next nulled frames."""
-        self._taking = ZeroTaking(self._rest)
+        self._taking = ZeroTaking(self._rest, self.rest_q, self._memory)
 
-    def take(self, measured: Warp | None, residual_rms_px: float) -> Notice | None:
-        """Take in a frame while one is being taken; the notice says how that ended."""
+    def at_rest(self, estimate: Float, measured: Warp) -> bool:
+        """Whether the mirror is untouched, by the controller's estimate (rows, cols, 2) and a frame."""
+        return self._memory.at_rest(estimate, measured, self.rest_q)
+
+    def take(self, measured: Warp | None, residual_rms_px: float, resting: bool = False) -> Notice | None:
+        """Take in a frame, at rest where `resting`; the notice says how the taking of a zero ended."""
+        if resting and measured is not None:
+            self._memory.learn(measured, self.rest_q)
         found = None if self._taking is None else self._taking.take(measured, residual_rms_px)
         if found is None:
             return None
@@ -153,6 +171,7 @@ class Zero:
         if isinstance(found, NoZero):
             return Notice(Event.ZERO_REFUSED, f"{NO_ZERO}: {found.reason}")
         self.q = found
+        self._memory.restart()
         drift = float(np.sqrt(np.mean(np.sum(found[self._rest.visible] ** 2, axis=-1))))
         words = f"readings start from here now, {drift:.2f} LCD px (rms) from the rig file's rest"
         return Notice(Event.ZERO_TAKEN, words)

@@ -19,12 +19,21 @@ def packaged_rigs() -> list[str]:
 def _path(name: str | Path) -> Path:
     """Find the packaged file of a bare name (no folder, no suffix), else take the path as it is."""
     path = Path(name)
+    if path.is_dir():
+        raise InputError(f"rig: {shown(str(name))}: a folder: {_rig_in(path)}")
     if path.suffix or path.parent != Path() or path.is_file():
         return path
     if str(name) not in packaged_rigs():
         known = ", ".join(packaged_rigs())
         raise InputError(f"rig: {shown(str(name))}: a file, or one of the packaged {known}")
     return resource("calibration", "rigs", f"{name}.toml")
+
+
+def _rig_in(folder: Path) -> str:
+    """Which file to give in place of a folder: of a calibration, its rig; of many, the newest one's."""
+    found = [*folder.glob("rig.toml"), *sorted(folder.glob("*/rig.toml"), reverse=True)]
+    found += sorted(folder.glob("*.toml")) + sorted(folder.glob("*/*/rig.toml"), reverse=True)
+    return f"give the file in it: {found[0]}" if found else "give a rig file (TOML)"
 
 
 def read_text(path: Path) -> str:

@@ -158,7 +158,7 @@ class FaceSupports(Table):
 
 
 class Rubber(Table):
-    """How the rubber yields to what presses on it; the simulated bench alone uses it.
+    """How the rubber yields to what presses on it: simulated; supports per face matter to readings, too.
 
     `support`: "free", a body so thick that its other faces do not matter; "bonded" or "sliding", a layer of
     `thickness_mm` on a rigid base, bonded to it or sliding on it; by a table per face: the prism.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Callable, Sequence
 
 from zeromethod.fine.frames import FineFrame
@@ -14,7 +15,12 @@ from zeromethod.warp.grid import NodeGrid
 
 
 def _reads(rig: Rig, grid: NodeGrid) -> Callable[[Sequence[FineFrame]], FineSurface]:
-    return FineReader(rig, Optics(rig), grid).read
+    reader = FineReader(rig, Optics(rig), grid)
+    # what tracing the rays took; the C library of some systems cannot give it back
+    give_back = getattr(ctypes.CDLL(None), "malloc_trim", None)
+    if give_back is not None:
+        give_back(0)
+    return reader.read
 
 
 def main() -> None:

@@ -13,8 +13,8 @@ import numpy as np
 from scipy.ndimage import maximum_filter, median_filter
 
 from zeromethod.arrays import Float, Mask
-from zeromethod.loop.circle import REST_BLOCK, REST_SIGMAS, REST_WITHIN_LCD_PX
 from zeromethod.loop.node_figures import at_rest
+from zeromethod.loop.rest_memory import REST_BLOCK, REST_SIGMAS, REST_WITHIN_LCD_PX
 from zeromethod.loop.state import State
 from zeromethod.warp.warp import Warp
 

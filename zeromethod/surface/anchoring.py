@@ -7,7 +7,7 @@ mirror enough for an error of 1 %.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +15,7 @@ import numpy as np
 from zeromethod.arrays import Float, Mask
 from zeromethod.rig.model import KnownRest
 from zeromethod.surface.anchor import MOST_CHOICES, Border, Quiet, RestFit, fit_known, known_nodes
-from zeromethod.surface.far_field import FarField, fit_far_field
+from zeromethod.surface.far_field import BodyOnNodes, FarField, fit_far_field
 from zeromethod.surface.roughness import roughness
 
 _AGAIN_MM = 1e-4
@@ -42,9 +42,15 @@ class Anchors:
     """Where depth may be anchored, of one reader."""
 
     def __init__(
-        self, known_rest: Sequence[KnownRest], scale: Float, scale_gradient: Float, correlation: Float
+        self,
+        known_rest: Sequence[KnownRest],
+        scale: Float,
+        scale_gradient: Float,
+        correlation: Float,
+        body: Callable[[], BodyOnNodes] | None = None,
     ) -> None:
-        """scale: h (rows, cols); its gradient (rows, cols, 2). correlation: see `Border`."""
+        """scale: h (rows, cols); its gradient (rows, cols, 2). correlation: see `Border`. body: if known."""
+        self._body_of, self._body = body, BodyOnNodes.none()
         self._known_rest, self._correlation = known_rest, correlation
         self.scale, self._gradient = scale, scale_gradient
         self._border: Border | None = None
@@ -67,10 +73,12 @@ class Anchors:
     def far_field(self, nodes: RestFit, read: Pass) -> FarField:
         """Far field of a surface with these quiet nodes."""
         x, y = read.point[..., 0], read.point[..., 1]
+        if self._body_of is not None:
+            self._body, self._body_of = self._body_of(), None
         # a mirror that is rough itself follows no law more closely
         variance = roughness(read.slope, read.variance, self._correlation, read.island) * read.variance
         fields = (read.slope, variance, read.depth, self.scale, self._gradient, x, y, read.island)
-        return fit_far_field(*fields, nodes.weights, nodes.sigma_mm, nodes.hidden_mm)
+        return fit_far_field(*fields, nodes.weights, nodes.sigma_mm, nodes.hidden_mm, self._body)
 
 
 class Anchoring:

@@ -248,14 +248,15 @@ def depth_differences_adjoint(across: Float, down: Float, x_mm: Float, y_mm: Flo
     return out
 
 
-def depth_differences(slope: Float, x_mm: Float, y_mm: Float, valid: Mask) -> tuple[Float, Float]:
+def depth_differences(slope: Any, x_mm: Any, y_mm: Any, valid: Mask) -> tuple[Any, Any]:
     """Depth step from each node to the next: (rows, cols-1) along rows, (rows-1, cols) along columns, mm.
 
     slope: (rows, cols, 2), d(depth)/dx and d(depth)/dy at the nodes' mirror points x_mm, y_mm (which may
-    lie irregularly but smoothly). Steps that touch an invalid node are 0.
+    lie irregularly but smoothly), all in one precision, which is that of the steps. Those that touch an
+    invalid node are 0.
     """
     rows, cols = valid.shape
-    across, down = np.empty((rows, cols - 1)), np.empty((cols, rows - 1))
+    across, down = np.empty((rows, cols - 1), slope.dtype), np.empty((cols, rows - 1), slope.dtype)
     fields: tuple[Any, ...] = slope[..., 0], slope[..., 1], x_mm, y_mm, valid
     for each, out in ((fields, across), ([one.T for one in fields], down)):
         sx, sy, x, y, known = (np.ascontiguousarray(one) for one in each)

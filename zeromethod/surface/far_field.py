@@ -8,9 +8,10 @@ one, or up to four at once, of any depth, place, size, length and sign, of a law
 k = 1 falls as 1 / r, as any load on a deep elastic body does (Boussinesq; K. L. Johnson, Contact Mechanics,
 Cambridge 1985, section 3.2, doi:10.1017/CBO9781139171731), and nothing falls more slowly; k = 0 is a
 Gaussian; between them are other powers of r. Besides, d = A exp(1 - sqrt(1 + z)): a layer on a stiff ground,
-where depth decays exponentially. Two dents are two loads, or one with the bulge that rubber raises around it;
-they obey one law, as they press one material, or each its own, as what presses differs; more are tried while
-they explain what is left.
+where depth decays exponentially. Where the rig says what holds its rubber's faces, a load's dent, k = 1, has
+any share of what the body adds to it (`zeromethod.mechanics`), counted as k = 1 to 2. Two dents are two
+loads, or one with the bulge that rubber raises around it; they obey one law, as they press one material, or
+each its own, as what presses differs; more are tried while they explain what is left.
 
 Their numbers are fitted to the slopes, and C with them: at the anchor they must leave what is read there.
 What a law leaves is noise and an error of its own, relative to the slopes, of unknown size, which is fitted
@@ -18,9 +19,9 @@ as well. Errors of a law are much the same in neighbouring nodes: all of them co
 as more where they are noise. The core, where loads lie and no law holds, counts little. As wrong as a law is
 of slopes, it is of the anchor's depth, relative to what its slopes imply if depth falls as 1 / r; and of one
 that explains little, all dents may fall so from where they are steepest. Every law is as likely as it makes
-the slopes, each number that it needs a cost; k = 1 and k = 0 count apart from the k that fits best. A dent on
-a tilted mirror is one more explanation: a camera or an LCD that moved under a press looks like that. C is the
-mean over all, and its sigma contains what they disagree by.
+the slopes, each number that it needs a cost; the largest k and k = 0 count apart from the k that fits best.
+A dent on a tilted mirror is one more explanation: a camera or an LCD that moved under a press looks like
+that. C is the mean over all, and its sigma contains what they disagree by.
 """
 
 from __future__ import annotations
@@ -31,7 +32,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zeromethod.arrays import Float, Mask
-from zeromethod.surface.far_field_laws import Known, Nodes, centre, chosen
+from zeromethod.mechanics.body import BodyKernel
+from zeromethod.surface.far_field_laws import POINT, Body, Known, Nodes, centre, chosen
 from zeromethod.surface.far_field_posterior import posterior
 from zeromethod.surface.far_field_starts import FREE_LAW
 from zeromethod.surface.node_passes import diagonal
@@ -50,6 +52,28 @@ _CORE_SHARE = 0.2
 
 _NEAR = 0.3
 """Way beyond the view, over its diagonal, up to which a centre is taken."""
+
+
+_NO_BODY = Body(np.zeros((0, 1, 1)), np.array([[0.0, 1.0], [0.0, 1.0]]), POINT)
+
+
+@dataclass(frozen=True, slots=True)
+class BodyOnNodes:
+    """How the whole body answers loads: `body`, and its products (3, products, rows, cols) at nodes."""
+
+    body: Body
+    products: Float
+
+    @classmethod
+    def of(cls, kernel: BodyKernel, x_mm: Float, y_mm: Float) -> BodyOnNodes:
+        """At nodes (rows, cols)."""
+        products = kernel.products(x_mm, y_mm)
+        return cls(Body(kernel.of_loads, kernel.load_box_mm, 2.0 * POINT), products)
+
+    @classmethod
+    def none(cls) -> BodyOnNodes:
+        """Nothing: loads press a half-space."""
+        return cls(_NO_BODY, np.zeros((3, 0, 0, 0)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +96,7 @@ def fit_far_field(
     weights: Float,
     bound_mm: float,
     hidden_mm: float,
+    of_body: BodyOnNodes | None = None,
 ) -> FarField:
     """C and its sigma by the laws of the module, as far as they fit.
 
@@ -81,15 +106,17 @@ def fit_far_field(
     """
     anchor = weights > 0.0
     lattice = slope, variance, scale_gradient, depth_mm, scale, x_mm, y_mm
+    of_body = BodyOnNodes.none() if of_body is None else of_body
     quiet = _evenly(anchor, _QUIET_NODES)
-    nodes, still = chosen(lattice, *_evenly(island, _NODES)), chosen(lattice, *quiet)
+    nodes = chosen(lattice, of_body.products, *_evenly(island, _NODES))
+    still = chosen(lattice, of_body.products, *quiet)
     share = weights[quiet] / weights[quiet].sum()
     rest_mm = float(share @ (still.depth / still.scale))
     pressed = nodes.depth - rest_mm * nodes.scale
     range_mm = float(np.max(np.abs(pressed)))
     if len(pressed) < _LEAST_NODES or not range_mm > 0.0:
         return FarField(0.0, _NO_LAW * max(bound_mm, hidden_mm))
-    known = Known((_BOTTOM - np.abs(pressed) / range_mm) ** 2, share, rest_mm)
+    known = Known((_BOTTOM - np.abs(pressed) / range_mm) ** 2, share, rest_mm, of_body.body)
     diagonal_mm = diagonal(x_mm, y_mm, island)
     start = _start(nodes, pressed, rest_mm, diagonal_mm)
     return FarField(*posterior(nodes, still, known, start, range_mm, diagonal_mm))

@@ -15,6 +15,7 @@ from zeromethod.surface.far_field_laws import (
     Equations,
     Known,
     Nodes,
+    added_by_body,
     dents_end,
     equations,
     nearest2,
@@ -31,6 +32,9 @@ _WRONG2, _WRONG2_OF_TWO, _LEAST_WRONG2, _MOST_WRONG2 = 1e-3, 0.03, 1e-6, 0.25
 
 _DOUBTED2 = 0.04
 """Square of a law's error from which it says little: depth may be off by more than slopes are."""
+
+_BODY = 0.01
+"""What is open of the depth that the body adds to loads, relative."""
 
 _LONGEST = 10.0
 """Length of a dent over its width, at most."""
@@ -88,7 +92,9 @@ def _free(k: int, laws: int) -> bool:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _expect(numbers: Float, strength: float, laws: int, found: Equations, ends: float = 0.0) -> float:
+def _expect(
+    numbers: Float, strength: float, laws: int, most_law: float, found: Equations, ends: float = 0.0
+) -> float:
     """Add to the equations what is expected of dents and of laws that are fitted; squares of that.
 
     A law that its end stops is as one that is not fitted; or as near its end as it must be, if the equations
@@ -97,7 +103,7 @@ def _expect(numbers: Float, strength: float, laws: int, found: Equations, ends: 
     normal, right = found.normal, found.right
     for k in range(0, dents_end(numbers), NUMBERS):
         law = k + LAW
-        inside = 0.0 < numbers[law] + np.sign(right[law]) * 1e-9 < 1.0
+        inside = 0.0 < numbers[law] + np.sign(right[law]) * 1e-9 < most_law
         if _free(k, laws) and (inside or ends > 0.0):
             normal[law, law] += strength / _LAW**2 + (0.0 if inside else ends * right[law] ** 2)
         else:
@@ -133,11 +139,11 @@ def _allowed(numbers: Float, limits: Float) -> bool:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _bound(numbers: Float, laws: int) -> None:
+def _bound(numbers: Float, laws: int, most_law: float) -> None:
     """Keep fitted laws between their ends, and one of all the same."""
     for k in range(0, dents_end(numbers), NUMBERS):
         if _free(k, laws):
-            numbers[k + LAW] = min(max(numbers[k + LAW], 0.0), 1.0)
+            numbers[k + LAW] = min(max(numbers[k + LAW], 0.0), most_law)
         elif laws == ONE_LAW:
             numbers[k + LAW] = numbers[LAW]
 
@@ -168,7 +174,7 @@ def fit(
     strength = 2.0 * known.weight.sum() / _PIECES
     wrong2, damping = _WRONG2_OF_TWO if len(numbers) >= 2 * NUMBERS else _WRONG2, 1e-3
     found = equations(numbers, laws, nodes, quiet, known, wrong2, np.ones((2, len(nodes.x))))
-    own = _expect(numbers, strength, laws, found)
+    own = _expect(numbers, strength, laws, known.body.most_law, found)
     for k in range(passes):
         solved, step = _solve(found.normal, found.right, damping)
         better = _wrong2(found, wrong2)
@@ -177,10 +183,10 @@ def fit(
         if k == SHORT and _unlikely(found, known) > best + _HOPELESS:
             break
         new = numbers + step
-        _bound(new, laws)
+        _bound(new, laws, known.body.most_law)
         if solved and _allowed(new, limits):
             tried = equations(new, laws, nodes, quiet, known, better, found.variance)
-            own_new = _expect(new, strength, laws, tried)
+            own_new = _expect(new, strength, laws, known.body.most_law, tried)
             if tried.before + own_new < found.misfit + own:
                 numbers[:], found, own, wrong2 = new, tried, own_new, better
                 damping = max(0.1 * damping, 1e-7)
@@ -227,9 +233,9 @@ def _judge(
         out[COUNT] -= 0.0 if _free(k, laws) and not stops else 1.0
     if laws == OWN_LAWS:
         found = equations(numbers, laws, nodes, quiet, known, wrong2, found.variance)
-        _expect(numbers, total / independent, laws, found, independent / total)
+        _expect(numbers, total / independent, laws, known.body.most_law, found, independent / total)
     else:
-        _expect(numbers, total / independent - total / _PIECES, laws, found)
+        _expect(numbers, total / independent - total / _PIECES, laws, known.body.most_law, found)
     solved, moved = _solve(found.normal, found.of_border, 1e-9)
     variance = (found.of_border @ moved) * total / independent * max(found.misfit / total, 1.0)
     if laws != SET_LAWS and found.normal[LAW, 0] != 0.0:
@@ -242,6 +248,7 @@ def _judge(
     out[UNLIKELY], out[CONSTANT] = _unlikely(found, known), constant
     implied2, doubt = _implied2(numbers, constant, quiet, known), wrong2 / _DOUBTED2
     slower2 = max(implied2, _slowest2(numbers, quiet, known))
+    variance += (_BODY * added_by_body(numbers, quiet, known)) ** 2
     out[VARIANCE] = variance + wrong2 * (implied2 + doubt * doubt * slower2) if solved else np.inf
     out[EXCESS] = excess - 0.5 * found.misfit if wrong2 > _LEAST_WRONG2 else 0.0
     out[WRONG], out[NOISE] = np.sqrt(wrong2), noise / total

@@ -16,8 +16,9 @@ its law."""
 SET_LAWS, ONE_LAW, OWN_LAWS = range(3)
 """Laws of several dents: as they are, one that is fitted, the first one's, or fitted to each."""
 
-LAYER = -1.0
-"""Law of depth exp(1 - sqrt(1 + z)); those from 0 to 1 are depth (1 + law z)^(-1 / (2 law))."""
+LAYER, POINT = -1.0, 1.0
+"""Law of depth exp(1 - sqrt(1 + z)); those from 0 to 1 are depth (1 + law z)^(-1 / (2 law)), the last one a
+load's, and those above add law - 1 of what the body adds to a load, where it is known (`Body`)."""
 
 _GAUSSIAN = 1e-4
 """Law below which it is its limit exp(-z / 2)."""
@@ -33,7 +34,10 @@ _SUMS = {"contract", "reassoc"}
 
 
 class Nodes(NamedTuple):
-    """Some nodes, each (n,): slope, its variance, scale's gradient, 1/mm; depth, mm, scale, place, mm."""
+    """Some nodes, each (n,): slope, its variance, scale's gradient, 1/mm; depth, mm, scale, place, mm.
+
+    products: (3, products, n) of the body there, 1/mm, and their slopes.
+    """
 
     slope_x: Float
     slope_y: Float
@@ -45,13 +49,20 @@ class Nodes(NamedTuple):
     scale: Float
     x: Float
     y: Float
+    products: Float
 
 
 @numba.njit(cache=True, error_model="numpy")
 def chosen(
-    lattice: tuple[Float, Float, Float, Float, Float, Float, Float], rows: Ints, columns: Ints
+    lattice: tuple[Float, Float, Float, Float, Float, Float, Float],
+    products: Float,
+    rows: Ints,
+    columns: Ints,
 ) -> Nodes:
-    """Nodes of these rows and columns (n,); lattice: slope, variance, gradient, depth, scale, x and y."""
+    """Nodes of these rows and columns (n,).
+
+    lattice: slope, variance, gradient, depth, scale, x and y. products: (3, products, rows, columns).
+    """
     slope, variance, gradient, depth, scale, x, y = lattice
     out = np.empty((10, len(rows)))
     for k in range(len(rows)):
@@ -60,19 +71,37 @@ def chosen(
             out[axis, k], out[2 + axis, k] = slope[i, j, axis], variance[i, j, axis]
             out[4 + axis, k] = gradient[i, j, axis]
         out[6, k], out[7, k], out[8, k], out[9, k] = depth[i, j], scale[i, j], x[i, j], y[i, j]
-    return Nodes(out[0], out[1], out[2], out[3], out[4], out[5], out[6], out[7], out[8], out[9])
+    by_body = np.empty((3, products.shape[1], len(rows)))
+    for part in range(3):
+        for one in range(products.shape[1]):
+            for k in range(len(rows)):
+                by_body[part, one, k] = products[part, one, rows[k], columns[k]]
+    return Nodes(out[0], out[1], out[2], out[3], out[4], out[5], out[6], out[7], out[8], out[9], by_body)
+
+
+class Body(NamedTuple):
+    """How a load's dent in the body depends on the load's place: series of `mechanics.body.BodyKernel`.
+
+    of_loads: (products, y, x) coefficients, none where the body is not known. box_mm: (2, 2) from and to, of
+    x and of y. most_law: of a dent.
+    """
+
+    of_loads: Float
+    box_mm: Float
+    most_law: float
 
 
 class Known(NamedTuple):
     """What is known of nodes and of quiet ones of the anchor.
 
     weight: (n,), of the nodes, less in the core. share: (q,), weights of the quiet ones, which add up to 1;
-    rest_mm: mean depth / h with these.
+    rest_mm: mean depth / h with these. body: how it answers loads.
     """
 
     weight: Float
     share: Float
     rest_mm: float
+    body: Body
 
 
 class Equations(NamedTuple):
@@ -98,7 +127,7 @@ class Equations(NamedTuple):
 @numba.njit(cache=True, error_model="numpy", fastmath=_SUMS)
 def _add(dent: Float, x: Float, y: Float, by: Float, field: Float) -> None:
     """Add one dent's depth and slopes to `field` (3, n); fill in its derivatives `by` (7, 3, n)."""
-    depth, a, b, c, law = dent[0], dent[3], dent[4], dent[5], dent[LAW]
+    depth, a, b, c, law = dent[0], dent[3], dent[4], dent[5], min(dent[LAW], POINT)
     layer, k = law < 0.0, law if law > _GAUSSIAN else 0.0
     # the shape and the derivative of its logarithm by the law, apart from what is vectorised
     for i in range(len(x)):
@@ -145,20 +174,89 @@ def _add(dent: Float, x: Float, y: Float, by: Float, field: Float) -> None:
 
 
 @numba.njit(cache=True, error_model="numpy")
+def _waves(at: float, low: float, high: float, count: int) -> Float:
+    """(2, count) Chebyshev polynomials and their derivatives at a place; beyond the ends as there."""
+    t = min(max((2.0 * at - low - high) / (high - low), -1.0), 1.0)
+    by = 2.0 / (high - low) if low < at < high else 0.0
+    out = np.zeros((2, count))
+    out[0, 0] = 1.0
+    if count > 1:
+        out[0, 1], out[1, 1] = t, 1.0
+    for k in range(2, count):
+        out[0, k] = 2.0 * t * out[0, k - 1] - out[0, k - 2]
+        out[1, k] = 2.0 * out[0, k - 1] + 2.0 * t * out[1, k - 1] - out[1, k - 2]
+    out[1] *= by
+    return out
+
+
+@numba.njit(cache=True, error_model="numpy", fastmath=_SUMS)
+def _add_body(dent: Float, body: Body, products: Float, by: Float, field: Float) -> None:
+    """Add what the body adds to a load at the dent's place to `field` (3, n), and to its derivatives `by`."""
+    depth, a, c, share = dent[0], dent[3], dent[5], dent[LAW] - POINT
+    count, down, across = body.of_loads.shape
+    x = _waves(dent[1], body.box_mm[0, 0], body.box_mm[0, 1], across)
+    y = _waves(dent[2], body.box_mm[1, 0], body.box_mm[1, 1], down)
+    by_load = np.zeros((3, count))
+    for one in range(count):
+        for i in range(down):
+            value = slope = 0.0
+            for j in range(across):
+                value += body.of_loads[one, i, j] * x[0, j]
+                slope += body.of_loads[one, i, j] * x[1, j]
+            by_load[0, one] += y[0, i] * value
+            by_load[1, one] += y[0, i] * slope
+            by_load[2, one] += y[1, i] * value
+    # (1 + z)^(-1/2) is size / r far away
+    size = 1.0 / np.sqrt(a * c)
+    added = np.zeros((3, products.shape[2]))
+    for part in range(3):
+        added[:] = 0.0
+        for one in range(count):
+            for kind in range(3):
+                factor = size * by_load[kind, one]
+                for i in range(added.shape[1]):
+                    added[kind, i] += factor * products[part, one, i]
+        for i in range(added.shape[1]):
+            whole = added[0, i]
+            field[part, i] += depth * share * whole
+            by[0, part, i] += share * whole
+            by[1, part, i] += depth * share * added[1, i]
+            by[2, part, i] += depth * share * added[2, i]
+            by[3, part, i] -= 0.5 * depth * share * whole / a
+            by[5, part, i] -= 0.5 * depth * share * whole / c
+            by[LAW, part, i] = depth * whole
+
+
+@numba.njit(cache=True, error_model="numpy")
+def added_by_body(numbers: Float, quiet: Nodes, known: Known) -> float:
+    """Depth / h at the anchor, mm, that the body adds to loads."""
+    field, by = np.zeros((3, len(quiet.x))), np.zeros((NUMBERS, 3, len(quiet.x)))
+    for k in range(0, dents_end(numbers), NUMBERS):
+        if numbers[k + LAW] > POINT:
+            _add_body(numbers[k : k + NUMBERS], known.body, quiet.products, by, field)
+    total = 0.0
+    for i in range(len(known.share)):
+        total += known.share[i] / quiet.scale[i] * field[0, i]
+    return total
+
+
+@numba.njit(cache=True, error_model="numpy")
 def dents_end(numbers: Float) -> int:
     """Count of the dents' numbers; two more may follow, a tilt of all slopes, rad."""
     return len(numbers) // NUMBERS * NUMBERS
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _dents(numbers: Float, laws: int, x: Float, y: Float) -> tuple[Float, Float]:
+def _dents(numbers: Float, laws: int, nodes: Nodes, body: Body) -> tuple[Float, Float]:
     """Depth and slopes (3, n) of all dents, a tilt's slopes, and their derivatives (p, 3, n)."""
-    end = dents_end(numbers)
-    field, by = np.zeros((3, len(x))), np.zeros((len(numbers), 3, len(x)))
+    end, count = dents_end(numbers), len(nodes.x)
+    field, by = np.zeros((3, count)), np.zeros((len(numbers), 3, count))
     for axis in range(len(numbers) - end):
         field[1 + axis], by[end + axis, 1 + axis] = numbers[end + axis], 1.0
     for k in range(0, end, NUMBERS):
-        _add(numbers[k : k + NUMBERS], x, y, by[k : k + NUMBERS], field)
+        _add(numbers[k : k + NUMBERS], nodes.x, nodes.y, by[k : k + NUMBERS], field)
+        if numbers[k + LAW] > POINT:
+            _add_body(numbers[k : k + NUMBERS], body, nodes.products, by[k : k + NUMBERS], field)
         if k > 0 and laws == ONE_LAW:
             by[LAW] += by[k + LAW]
             by[k + LAW] = 0.0
@@ -186,14 +284,14 @@ def equations(
     before: (2, n) variance of slopes that `Equations.before` is relative to.
     """
     count, n = len(numbers), len(nodes.x)
-    field, by = _dents(numbers, laws, quiet.x, quiet.y)
+    field, by = _dents(numbers, laws, quiet, known.body)
     border_mm, of_border = 0.0, np.zeros(count)
     for i in range(len(known.share)):
         border_mm += known.share[i] / quiet.scale[i] * field[0, i]
         for j in range(count):
             of_border[j] += known.share[i] / quiet.scale[i] * by[j, 0, i]
     constant = known.rest_mm - border_mm
-    field, by = _dents(numbers, laws, nodes.x, nodes.y)
+    field, by = _dents(numbers, laws, nodes, known.body)
     near2 = nearest2(numbers, nodes.x, nodes.y)
     left, variance, weight = np.empty((2, n)), np.empty((2, n)), np.empty((2, n))
     misfit = misfit_before = lacking = expected = 0.0

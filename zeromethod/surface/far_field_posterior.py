@@ -93,7 +93,7 @@ def posterior(
         best = first if turn == 0 or members[first, UNLIKELY] < members[best, UNLIKELY] else best
         if best == first:
             alone[:] = one
-        for k, law in ((1, 1.0), (2, 0.0), (3, LAYER)):
+        for k, law in ((1, known.body.most_law), (2, 0.0), (3, LAYER)):
             if turn == 0 and not _possible(members[0], one[LAW], law):
                 continue
             same = _same_scale(alone if members[best, WRONG] < _UNFIT else one, law)
@@ -184,7 +184,7 @@ def _fit_two(
         fit(starts[k], ONE_LAW, passes, nodes, quiet, known, limits, best, members[k])
     two: Float = starts[np.argmin(members[:, UNLIKELY])]
     fit(two, ONE_LAW, _PASSES, nodes, quiet, known, limits, best, members[0])
-    for k, of_law in ((1, 1.0), (2, 0.0)):
+    for k, of_law in ((1, known.body.most_law), (2, 0.0)):
         members[k, UNLIKELY] = np.inf
         if _possible(members[0], two[LAW], of_law):
             same = _same_scale(two, of_law)

@@ -8,16 +8,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
-from scipy import ndimage
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.surface.chance import by_chance_mm
 from zeromethod.surface.gaps import gaps_between
+from zeromethod.surface.holes import deeper_inside_mm
 from zeromethod.surface.node_passes import deepest_node
 from zeromethod.surface.peak_place import place_sigma_mm
 from zeromethod.surface.polynomials import polynomial, powers_of, stationary, terms, whole_window
 from zeromethod.surface.surface import Surface
-from zeromethod.surface.view_border import border_sigma_mm
 
 _REACH = 2
 _MAX_REACH = 6
@@ -121,8 +120,8 @@ def peak(surface: Surface) -> Peak:
 
     Sigma is the node's, that of being the largest of many (`by_chance_mm`), that of the fit (half of what a
     cubic spline differs by; a quartic's or quadratic's bias for a Gaussian as narrow), that of gaps in the
-    slope around the summit, and that of holes: depth extrapolated into a hole from the slopes at its rim, as
-    far as it is deeper than the peak. A contact takes the light away, so that a peak next to one is that of
+    slope around the summit, and that of holes (`zeromethod.surface.holes`): what they may hide, as far as it
+    is deeper than the peak. A contact takes the light away, so that a peak next to one is that of
     the measured nodes, with a sigma nearly as large as the contact is deep.
     """
     if not surface.valid.any():
@@ -145,7 +144,7 @@ def peak(surface: Surface) -> Peak:
 def _deepest(surface: Surface) -> tuple[Peak, Mask]:
     """Peak of the valid nodes alone, and the window (rows, cols) of its fit."""
     row, col = node = deepest_node(surface.depth_mm, surface.valid)
-    sigma_mm = math.hypot(float(surface.sigma_depth_mm[node]), border_sigma_mm(surface, row, col))
+    sigma_mm = float(surface.sigma_depth_mm[node])
     window = np.zeros(surface.valid.shape, bool)
     summit = _summit(surface, row, col)
     for _ in range(_MOVES - 1):
@@ -286,22 +285,6 @@ def _fit(surface: Surface, row: int, col: int, reach: int, degree: int) -> _Fitt
 
 def _fields(surface: Surface) -> tuple[Float, Float, Float]:
     return surface.depth_mm, surface.x_mm, surface.y_mm
-
-
-def deeper_inside_mm(surface: Surface, measured: Mask, fitted: Mask, depth_mm: float) -> float:
-    """How much deeper than depth_mm the mirror may be where it was not measured, mm; 0 for no deeper.
-
-    Depth is extrapolated linearly from the nearest measured node: exact for a cone, twice too deep for a
-    paraboloid. measured, fitted: (rows, cols); nodes inside a fit's window count as known.
-    """
-    unknown = ~measured & ~fitted & surface.on_mirror
-    if not unknown.any():
-        return 0.0
-    _, (row, col) = ndimage.distance_transform_edt(~surface.valid, return_indices=True)
-    rim = row[unknown], col[unknown]
-    away = np.stack([a[unknown] - a[rim] for a in (surface.x_mm, surface.y_mm)], axis=-1)
-    further = surface.depth_mm[rim] + (surface.slope[rim] * away).sum(axis=-1)
-    return max(float(np.nanmax(np.sign(depth_mm) * further)) - abs(depth_mm), 0.0)
 
 
 def around_mm(surface: Surface, fitted: Mask, x_mm: float, y_mm: float, depth_mm: float) -> float:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.errors import InputError
+from zeromethod.mechanics.body import body_of
 from zeromethod.optics import Optics
 from zeromethod.rig.model import Rig
 from zeromethod.surface.anchor import KnownReading, RestFit
@@ -17,7 +20,9 @@ from zeromethod.surface.bench_drift import BenchDrift
 from zeromethod.surface.bridge import Lattice, bridge, cut_off_parts
 from zeromethod.surface.covariance import DepthCovariance
 from zeromethod.surface.depth_scale import depth_scale
+from zeromethod.surface.far_field import BodyOnNodes
 from zeromethod.surface.hidden import HiddenDepth
+from zeromethod.surface.holes import fold_per_mm
 from zeromethod.surface.integrate import LinearIntegration, SlopeIntegrator, largest_island
 from zeromethod.surface.lever import Lever
 from zeromethod.surface.node_passes import (
@@ -31,6 +36,7 @@ from zeromethod.surface.noise import DepthNoise, SlopeNoise
 from zeromethod.surface.rays import MirrorRays
 from zeromethod.surface.settling import Reading, Settling, Start
 from zeromethod.surface.surface import Anchor, Surface, continued_points
+from zeromethod.surface.view_border import border_sigma_mm
 from zeromethod.warp.grid import PADDING, NodeGrid
 from zeromethod.warp.jacobian import jacobian
 from zeromethod.warp.overlap import component_correlation, overlap_correlation
@@ -111,12 +117,15 @@ class SurfaceReader:
         self._usable = regular
         sensitivity = np.where(regular[..., None, None], sensitivity, np.eye(2))
         self._rest_bending = jacobian(self._rays.rest_q, grid.spacing_px)
+        self._fold_per_mm = fold_per_mm(self._rest_bending, grid.spacing_px, sensitivity, point, regular)
         self._lever = Lever(self._rays, sensitivity)
         self._scale, self._scale_gradient = depth_scale(self._rays, regular, slope, point)
         self._scale2 = self._scale**2
         self._integrator = SlopeIntegrator(point[..., 0], point[..., 1], self._scale)
         correlation = overlap_correlation(grid.period_px, grid.spacing_px)
-        anchors = Anchors(rig.surface.known_rest, self._scale, self._scale_gradient, correlation)
+        anchors = Anchors(
+            rig.surface.known_rest, self._scale, self._scale_gradient, correlation, self._body_on(rig, point)
+        )
         self._settling = Settling(self._rays, self._integrator, anchors)
         self._overlap = component_correlation(grid.period_px, grid.spacing_px, rig.target.kind)
         self._noise = DepthNoise(self._integrator)
@@ -129,6 +138,20 @@ class SurfaceReader:
         """(measurable rows, cols) of the last surface's `sigma_depth_mm`, what the warp's own noise makes."""
         self._last: _Last | None = None
         self._before: tuple[Surface | None, Surface | None] = None, None
+
+    @staticmethod
+    def _body_on(rig: Rig, point: Float) -> Callable[[], BodyOnNodes] | None:
+        """What works out how the rig's body answers loads, at the points (rows, cols, 3) of the rest.
+
+        Depth moves a node by less than what that is smooth over.
+        """
+        kernel = body_of(rig)
+        return None if kernel is None else partial(BodyOnNodes.of, kernel, point[..., 0], point[..., 1])
+
+    @property
+    def lever(self) -> Lever:
+        """Lever of the measurable nodes."""
+        return self._lever
 
     @property
     def scale(self) -> Float:
@@ -254,6 +277,8 @@ class SurfaceReader:
             of_frame = self._noise.sigma(noise, x, y, fit.weights, alone)
             read = KnownReading(x, y, reading.depth, self._scale, of_frame, reading.slope, noise.variance)
             fit, systematic = self._drift.systematic(fit, read, noise)
+            border = border_sigma_mm(reading.slope, reading.point, island)
+            systematic = np.concatenate([systematic, border[None]])
             if warp.left is not None:
                 hidden = self._hidden.of(warp.left, noise.variance, island)
                 systematic = systematic if hidden is None else np.concatenate([systematic, hidden[None]])
@@ -273,6 +298,7 @@ class SurfaceReader:
             time_ns=warp.time_ns,
             iterations=reading.iterations,
             curl=curl,
+            fold_per_mm=self._fold_per_mm,
         )
         self._before = (None if self._last is None else self._last.surface), self._before[0]
         self._last = None

@@ -84,6 +84,9 @@ class Surface:
     sigma_x_mm, sigma_y_mm : (rows, cols), optional
         Standard deviation of the mirror point by what the geometry leaves open, the same in every frame; 0
         where the geometry is exact.
+    fold_per_mm : float
+        Curvature of the mirror at which its image folds, 1/mm, median over the view: what a hole of unread
+        nodes may hide bends at least as much. 0 where that is not known.
 
     Notes
     -----
@@ -107,6 +110,7 @@ class Surface:
     on_mirror: Mask = field(default_factory=lambda: np.zeros((0, 0), bool))
     sigma_x_mm: Float = field(default_factory=lambda: np.zeros((0, 0)))
     sigma_y_mm: Float = field(default_factory=lambda: np.zeros((0, 0)))
+    fold_per_mm: float = 0.0
 
     def __post_init__(self) -> None:
         """Continue the mirror points where no ray meets the mirror."""

@@ -1,4 +1,4 @@
-"""What the view's border does to a peak near it: beyond it the picture is drawn from a guess.
+"""What the view's border does to depth near it: beyond it the picture is drawn from a guess.
 
 The sensing windows of the last rows of nodes reach over nodes that nothing measures, whose warp is continued
 linearly. Where the mirror bends there, the continuation misses, the null makes up for it in those rows, and
@@ -8,10 +8,10 @@ depth next to the border is off by about the bend of the slopes across it, times
 
 from __future__ import annotations
 
+import numba
 import numpy as np
 
 from zeromethod.arrays import Float, Mask
-from zeromethod.surface.surface import Surface
 
 _NEAR = 3
 """Rows of nodes whose windows reach over the border, and one more."""
@@ -24,30 +24,51 @@ _BEND = 2.0 * np.linalg.pinv(np.vander(np.arange(_ROWS, dtype=np.float64), 3))[0
 """Weights that give the second difference of a row's values, by least squares."""
 
 
-def border_sigma_mm(surface: Surface, row: int, col: int) -> float:
-    """Standard deviation of depth at a node by the view's border, mm; 0 further inside."""
-    x, y, valid = surface.x_mm, surface.y_mm, surface.valid
-    along = _across(surface.slope, (x, y), valid, row, col)
-    return float(np.hypot(along, _across(surface.slope.swapaxes(0, 1), (x.T, y.T), valid.T, col, row)))
+def border_sigma_mm(slope: Float, point: Float, valid: Mask) -> Float:
+    """Standard deviation (rows, cols) of depth by the view's border, mm; 0 further inside.
+
+    slope: (rows, cols, 2) rad. point: (rows, cols, 2 or more) mirror points, mm. valid: (rows, cols).
+    """
+    square = np.zeros(valid.shape)
+    _add_across(slope, point, valid, _BEND, square)
+    _add_across(slope.swapaxes(0, 1), point.swapaxes(0, 1), valid.T, _BEND, square.T)
+    return np.asarray(np.sqrt(square))
 
 
-def _across(slope: Float, point: tuple[Float, Float], valid: Mask, row: int, col: int) -> float:
-    """The same of the first and last rows alone; point: x and y (rows, cols)."""
-    seen = np.flatnonzero(valid.any(axis=1))
-    aside = slice(max(col - _ASIDE, 0), col + _ASIDE + 1)
-    square = 0.0
-    for edge, inwards in ((seen[0], 1), (seen[-1], -1)):
-        rows = edge + inwards * np.arange(_ROWS)
-        if abs(row - edge) >= _NEAR or rows.min() < 0 or rows.max() >= len(valid):
-            continue
-        known = valid[rows, aside][..., None]
-        if not known.any(axis=1).all():
-            continue
-        count = known.sum(axis=1)
-        mean_slope, place = (
-            np.where(known, one, 0.0).sum(axis=1) / count
-            for one in (slope[rows, aside], np.stack([one[rows, aside] for one in point], axis=-1))
-        )
-        step = (place[-1] - place[0]) / (_ROWS - 1)
-        square += float((((_BEND @ mean_slope) * step) ** 2).sum())
-    return float(np.sqrt(square))
+@numba.njit(cache=True, error_model="numpy")
+def _add_across(slope: Float, point: Float, valid: Mask, bend: Float, square: Float) -> None:
+    """Add the variance, mm^2, that the first and last rows with valid nodes make, to theirs and the next."""
+    rows, cols = valid.shape
+    first, last = 0, rows - 1
+    while first < last and not valid[first].any():
+        first += 1
+    while last > first and not valid[last].any():
+        last -= 1
+    if last - first < _ROWS - 1:
+        return
+    for edge, inwards in ((first, 1), (last, -1)):
+        for j in range(cols):
+            from_x, from_y, _, _ = _around(point, slope, valid, edge, j)
+            to_x = to_y = bend_x = bend_y = 0.0
+            for k in range(_ROWS):
+                to_x, to_y, slope_x, slope_y = _around(point, slope, valid, edge + inwards * k, j)
+                bend_x, bend_y = bend_x + bend[k] * slope_x, bend_y + bend[k] * slope_y
+            size2 = (bend_x * (to_x - from_x)) ** 2 + (bend_y * (to_y - from_y)) ** 2
+            for k in range(_NEAR):
+                i = edge + inwards * k
+                # NaN where a row has no node around
+                if valid[i, j] and size2 > 0.0:
+                    square[i, j] += size2 / (_ROWS - 1) ** 2
+
+
+@numba.njit(cache=True, error_model="numpy", inline="always")
+def _around(point: Float, slope: Float, valid: Mask, i: int, j: int) -> tuple[float, float, float, float]:
+    """Mean point and slope of the valid nodes of a row around a column; NaN without any."""
+    count = 0
+    x = y = slope_x = slope_y = 0.0
+    for k in range(max(j - _ASIDE, 0), min(j + _ASIDE + 1, valid.shape[1])):
+        if valid[i, k]:
+            count += 1
+            x, y = x + point[i, k, 0], y + point[i, k, 1]
+            slope_x, slope_y = slope_x + slope[i, k, 0], slope_y + slope[i, k, 1]
+    return x / count, y / count, slope_x / count, slope_y / count

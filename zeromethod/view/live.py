@@ -42,6 +42,17 @@ EXPLAINED = frozenset(
 )
 """States whose reason is shown in place of the figures."""
 
+_STATE, _TIME, _BAR = 9, 7, 10
+"""Columns of the terminal that each takes at least."""
+
+
+def fitting(parts: Sequence[tuple[int, str]], width: int) -> str:
+    """As many parts as fit into so many columns, in their order; of the last rank first to go, 0 never."""
+    kept = list(parts)
+    while len(line := "  ".join(text for _, text in kept)) > width and (last := max(kept))[0] > 0:
+        kept.remove(last)
+    return line
+
 
 def contact_words(touching: Sequence[ContactFigures]) -> str:
     """What touches, in a few words; "" for nothing."""
@@ -67,12 +78,11 @@ class LiveStatus:
         self._console = console
         self._progress = Progress(
             # what matters most is never cut short; in a narrow terminal the figures are
-            TextColumn("{task.fields[state]}", table_column=Column(no_wrap=True, min_width=9)),
-            TimeElapsedColumn(table_column=Column(no_wrap=True, min_width=7)),
-            *([] if total is None else [BarColumn(bar_width=10)]),
-            TextColumn(
-                "{task.fields[figures]}", table_column=Column(no_wrap=True, overflow="ellipsis", ratio=1)
-            ),
+            TextColumn("{task.fields[state]}", table_column=Column(no_wrap=True, min_width=_STATE)),
+            TimeElapsedColumn(table_column=Column(no_wrap=True, min_width=_TIME)),
+            *([] if total is None else [BarColumn(bar_width=_BAR)]),
+            # figures are chosen to fit; a reason takes as many lines as it needs
+            TextColumn("{task.fields[figures]}", table_column=Column(overflow="fold", ratio=1)),
             console=console,
             disable=not console.is_terminal,
         )
@@ -102,7 +112,9 @@ class LiveStatus:
             self._touching = contact_words(step.touching)
         state = self._lasting.see(step.state, step.time_s)
         if state is step.state:
-            self._figures = step.reason if state in EXPLAINED else self._measured(step, values or {})
+            self._figures = step.reason
+            if state not in EXPLAINED:
+                self._figures = fitting(self._measured(step, values or {}), self._width_of_figures(state))
         self._progress.update(
             self._task,
             completed=done_frames if self._unit == "frames" else step.time_s,
@@ -110,21 +122,27 @@ class LiveStatus:
             figures=escape(self._figures),
         )
 
-    def _measured(self, step: Step, values: Mapping[str, Any]) -> str:
-        """The figures that are known, or what is waited for."""
-        parts = [step.phase] if step.phase else []
+    def _width_of_figures(self, state: State) -> int:
+        """Columns of the terminal that state, time and bar, each with a blank, leave."""
+        bar = 0 if self._progress.tasks[0].total is None else _BAR + 1
+        return self._console.width - max(len(state), _STATE) - 1 - _TIME - 1 - bar - 1
+
+    def _measured(self, step: Step, values: Mapping[str, Any]) -> list[tuple[int, str]]:
+        """The figures that are known, or what is waited for, each after its rank: 0 matters most."""
+        parts = [(4, step.phase)] if step.phase else []
         if self._peak_mm is not None:
             sigma_mm = values.get("peak_sigma_mm")
             sigma = "" if sigma_mm is None else f" ± {1e3 * sigma_mm:.2f}"
             relative = "" if step.calibrated else " (relative)"
-            parts.append(f"peak {1e3 * self._peak_mm:.2f}{sigma} µm{relative}")
+            parts.append((0, f"peak {1e3 * self._peak_mm:.2f}{sigma} µm{relative}"))
         if self._touching:
-            parts.append(self._touching)
+            parts.append((1, self._touching))
         if math.isfinite(step.residual_rms_px):
-            parts.append(f"residual {step.residual_rms_px:.3f} px  valid {100 * step.valid_share:.1f} %")
+            parts.append((3, f"residual {step.residual_rms_px:.3f} px"))
+            parts.append((2, f"valid {100 * step.valid_share:.1f} %"))
             if (rate_hz := values.get("loop_rate_hz")) is not None:
-                parts.append(f"{rate_hz:.0f} Hz  {values['dropped']} dropped")
-            parts.append(f"loop {step.loop_ms:.1f} ms")
+                parts.append((5, f"{rate_hz:.0f} Hz  {values['dropped']} dropped"))
+            parts.append((6, f"loop {step.loop_ms:.1f} ms"))
         elif self._peak_mm is None:
-            parts.append("waiting for a frame that shows the pattern")
-        return "  ".join(parts)
+            parts.append((0, "waiting for a frame that shows the pattern"))
+        return parts

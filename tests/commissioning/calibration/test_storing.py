@@ -5,10 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from commands import assert_refused, typed
 
 from zeromethod import MeasurementError, Peak, Rig, load_rig
 from zeromethod.calibration import Direct, MirrorEdge, Presses, describe
-from zeromethod.calibration.folder import Stored, calibration_of, calibrations, load_arrays, newest
+from zeromethod.calibration.folder import Stored, calibration_of, calibrations, load, load_arrays, newest
+from zeromethod.cli.calibrate import calibrate_command
 from zeromethod.commissioning.calibration import (
     Calibration,
     evaluate,
@@ -103,13 +105,31 @@ def test_what_was_known_by_hand_comes_back(calibration, rig_file, tmp_path):
     assert (edge.edge, edge.pixel.tolist(), edge.sigma_px) == ("R0", [[120.5, 64.0]], 2.0)
 
 
-def test_what_was_recorded_evaluates_to_the_same_again(stored, calibration):
-    recorded, _ = recall(stored.folder)
-    np.testing.assert_array_equal(recorded.rest.sums, calibration.recorded.rest.sums)
-    again = evaluate(recorded)
+def test_what_was_recorded_evaluates_to_the_same_again_once_a_mistyped_depth_is_put_right(
+    calibration, rig_file, tmp_path
+):
+    mistyped = replace(calibration.recorded.plan, press_depths_mm=(DEPTHS_MM[0], 0.25))
+    wrong = evaluate(replace(calibration.recorded, plan=mistyped), calibration.rest)
+    assert wrong.verdict.level == "bad"
+    assert any("contradicts" in words and "takes --press-depths" in words for words in wrong.verdict.findings)
+    folder = store_calibration(wrong, rig_file, home=tmp_path / "mistyped").folder
+    again = ("--evaluate-again", folder, "--output", tmp_path / "right", "--press-depths")
+    assert_refused(
+        typed(calibrate_command, *again, "0.2"), f"--press-depths: 0.2: {folder} has 2 presses: as many"
+    )
+    assert_refused(typed(calibrate_command, *again, "0.2,15"), "--press-depths: 15: depths in mm, at most")
+    result = typed(calibrate_command, *again, ",".join(map(str, DEPTHS_MM)))
+    assert result.exit_code == 0, result.output
+    (document,) = (tmp_path / "right").glob("*/calibration.toml")
+    right = load(document.parent)
+    assert right.document["redone_from"] == folder.name
+    assert [press["depth_mm"] for press in right.document["press"]] == list(DEPTHS_MM)
     for name, value in calibration.fitted.values.items():
         # the file has seven digits of the hold and ten of the delay; the fit stops within 3 % of a sigma
-        assert again.fitted.values[name] == pytest.approx(value, abs=0.05 * calibration.fitted.sigma[name])
+        found = right.parameters[name][0]
+        assert found == pytest.approx(value, abs=0.05 * calibration.fitted.sigma[name] + 1e-6 * abs(value))
+    recorded, _ = recall(folder)
+    np.testing.assert_array_equal(recorded.rest.sums, calibration.recorded.rest.sums)
 
 
 def test_recording_outlives_an_evaluation_that_fails(calibration, rig_file, tmp_path, monkeypatch):

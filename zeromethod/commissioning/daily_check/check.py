@@ -13,7 +13,7 @@ from zeromethod.commissioning.calibration.presses import PressesEndedError, Pres
 from zeromethod.commissioning.calibration.prompts import Prompts, Silent
 from zeromethod.commissioning.daily_check.findings import DailyCheck, Finding, Fitness, Subject
 from zeromethod.commissioning.daily_check.rest import judge_rest
-from zeromethod.commissioning.delay import measure_delay
+from zeromethod.commissioning.delay import UnsteadyDelayError, measure_delay
 from zeromethod.commissioning.setting_up import SettingUp, Sight
 from zeromethod.devices.opening import Devices
 from zeromethod.devices.protocols import CameraLost, DisplayLost
@@ -141,15 +141,37 @@ class _Check:
         try:
             with self._bar("delay", DELAY_S) as advance:
                 found = measure_delay(rig, self._devices, DELAY_S, advance)
+        except UnsteadyDelayError as error:
+            why = str(error).removeprefix("delay: ")
+            return self._unsteady(f"no one value stands for it: {why}", error.scatter_s, {})
         except MeasurementError as error:
             return Finding(Subject.DELAY, Fitness.UNFIT, str(error).removeprefix("delay: "))
         change_s = found.latency_s - rig.display.latency_s
         figures = {"delay_ms": 1e3 * found.latency_s, "delay_change_ms": 1e3 * change_s}
         measured = f"{1e3 * found.latency_s:.2f} ± {1e3 * found.sigma_s:.2f} ms"
         words = f"{measured}, {1e3 * change_s:+z.2f} ms from the rig file's"
-        if abs(change_s) <= SIGMAS * found.sigma_s + LATE_REFRESHES / rig.display.refresh_hz:
+        fits = abs(change_s) <= SIGMAS * found.sigma_s + LATE_REFRESHES / rig.display.refresh_hz
+        if found.scatter_s is not None and fits:
+            return self._unsteady(f"{words}: {found.why}", found.scatter_s, figures)
+        if fits:
             return Finding(Subject.DELAY, Fitness.GOOD, words, figures)
         words += ": readings of a mirror that moves are late or early by that: devices --delay --write"
+        return Finding(Subject.DELAY, Fitness.DRIFTED, words, figures)
+
+    def _unsteady(self, words: str, scatter_s: float, figures: dict[str, float]) -> Finding:
+        """A delay that changes from frame to frame, by what that means for depth.
+
+        Coded strips time every frame of a run by itself, and what they cannot time is not read (`_frames`
+        counts it): at rest depth is as good as ever, moving it is off by speed times scatter.
+        """
+        figures = figures | {"delay_scatter_ms": 1e3 * scatter_s}
+        moving = f"a mirror that moves by 1 mm/s is read up to {1e3 * scatter_s:.0f} µm off in depth"
+        if self._rig.coded:
+            words += f"; coded strips time every frame, depth at rest is as good as ever; {moving}"
+            return Finding(Subject.DELAY, Fitness.GOOD, words, figures)
+        words += (
+            f"; without coded strips pictures are confused: `run --strips`, or end other programs; {moving}"
+        )
         return Finding(Subject.DELAY, Fitness.DRIFTED, words, figures)
 
     def _loop(self, depth_mm: float | None, sigma_mm: float) -> list[Finding]:

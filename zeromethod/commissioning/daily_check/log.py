@@ -16,7 +16,7 @@ _FIGURES = (
     *("focus_score", "saturated_share", "usable_share", "flicker_share", "delay_ms", "delay_change_ms"),
     *("rest_drift_lcd_px", "rest_false_depth_um", "rest_false_depth_sigma_um"),
     *("rezeroed_depth_error_percent", "frames", "dropped", "unused"),
-    *("press_read_mm", "press_sigma_mm", "press_error_percent"),
+    *("press_read_mm", "press_sigma_mm", "press_error_percent", "delay_scatter_ms"),
 )
 COLUMNS = ("time", "rig", "fitness", "verdict", *_FIGURES)
 
@@ -41,11 +41,21 @@ def append_check(path: Path, check: DailyCheck) -> None:
         "verdict": check.verdict,
     }
     text = io.StringIO()
-    writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
-    if not path.exists():
+    columns = _columns_of(path)
+    writer = csv.DictWriter(text, columns or COLUMNS, lineterminator="\n", extrasaction="ignore")
+    if columns is None:
         writer.writeheader()
     writer.writerow(row)
     with path.open("a", encoding="utf-8") as file:
         file.write(text.getvalue())
         file.flush()
         os.fsync(file.fileno())
+
+
+def _columns_of(path: Path) -> list[str] | None:
+    """Columns of the table, which another version may have begun; None where there is none."""
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            return next(csv.reader(file), None)
+    except FileNotFoundError:
+        return None

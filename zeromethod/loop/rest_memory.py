@@ -1,0 +1,152 @@
+"""Whether the mirror is at rest, by the rest map and by what was off when it was first at rest.
+
+Dirt moves nodes for good, by as much as a small press does, and nothing in one frame distinguishes them. So
+the first rest may have dirt on it: a quarter of the nodes of a block do not count. What is off then is
+remembered, and from then on the mirror is at rest only where it is as it was: no small press that comes later
+passes for dirt.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+from scipy.ndimage import maximum_filter
+
+from zeromethod.arrays import Float, Mask
+from zeromethod.loop.node_figures import at_rest
+from zeromethod.warp.warp import Warp
+
+REST_BLOCK = 4
+"""Half of the nodes on a side of the blocks that must all be at rest for the mirror to be."""
+
+REST_SIGMAS, REST_WITHIN_LCD_PX = 3.0, 0.05
+"""Displacement rms of a block, beyond so many deviations of noise, that counts as rest: 0.2 µm of press."""
+
+FRAMES = 16
+"""Frames at rest whose mean is remembered; what is known by fewer counts until then."""
+
+PART = 4
+"""Nodes on a side of the parts that are held against what is remembered: what is off is no smaller, as a
+sensing window covers more than a node."""
+
+WITHIN_LCD_PX = 0.02
+"""Displacement of a node, beyond noise, up to which it is as it was, drift of the whole view taken off: 0.08
+µm of press. Of a part, rms and twice the mean of its nodes' displacements count, each over its own limit."""
+
+SIGMAS = 4.0
+"""Deviations of noise that come on top; some thousand parts are judged a second."""
+
+OPEN = 0.3
+"""Share of what was off at rest that comes on top: under drifting light, dirt moves its nodes differently."""
+
+LEAST_NODES = 8
+"""Nodes of a part that must be known for it to be judged."""
+
+
+def quadratic(x: Float, y: Float) -> Float:
+    """Terms (..., 6) up to second order of places x, y (...) of size 1: drift is smooth over the view."""
+    return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
+
+
+class RestMemory:
+    """What was off at the first rest, LCD px from the warp of the untouched mirror; shape: of the nodes."""
+
+    def __init__(self, shape: tuple[int, int]) -> None:
+        rows, cols = (np.arange(-(-size // PART)) * (PART / size) - 0.5 for size in shape)
+        self._terms = quadratic(*np.meshgrid(cols, rows))
+        self._frames = 0
+        self._known: Mask = np.ones(shape, np.bool_)
+        self._open: Float = np.zeros(shape)
+        self.off: Float = np.zeros((*shape, 2))
+        """(rows, cols, 2) LCD px that nodes are off at rest; 0 where that is not known."""
+
+    def restart(self) -> None:
+        """All nodes are where rest is said to be now."""
+        self._frames, self._known = FRAMES, np.ones_like(self._known)
+        self.off, self._open = np.zeros_like(self.off), np.zeros_like(self._open)
+
+    def at_rest(self, estimate: Float, measured: Warp, rest_q: Float) -> bool:
+        """Whether the mirror is untouched.
+
+        estimate: (rows, cols, 2) warp by the controller, which has less noise than the one measured. rest_q:
+        that of the untouched mirror. LCD px.
+        """
+        known = measured.sigma, measured.valid
+        if not at_rest(estimate, rest_q, *known, REST_BLOCK, REST_SIGMAS, REST_WITHIN_LCD_PX):
+            return False
+        return self.pressed_lcd_px(measured.q - rest_q, *known) == 0.0
+
+    def learn(self, measured: Warp, rest_q: Float) -> None:
+        """Take in a frame of the mirror at rest."""
+        if self._frames < FRAMES:
+            self._frames += 1
+            self._known &= measured.valid
+            self.off += (measured.q - rest_q - self.off) / self._frames
+            self.off[~self._known] = 0.0
+            self._open = OPEN * maximum_filter(np.abs(self.off).max(axis=-1), 3)
+
+    def pressed_lcd_px(self, away: Float, sigma: Float, valid: Mask) -> float:
+        """Displacement rms of the part that is most unlike it was at rest; 0 where all are within limits.
+
+        away: (rows, cols, 2) displacement from the warp of the untouched mirror; sigma: of its noise. LCD px.
+        """
+        if self._frames == 0:
+            return 0.0
+        noises = SIGMAS * np.sqrt(1.0 + 1.0 / self._frames)
+        given = away, self.off, self._open, sigma, valid & self._known, PART, noises
+        pressed, nodes, mean = _unlike(*given, np.zeros((*self._terms.shape[:2], 2)))
+        if pressed > 0.0:
+            terms = self._terms * (nodes >= LEAST_NODES)[..., None]
+            shift = np.linalg.lstsq(terms.reshape(-1, 6), mean.reshape(-1, 2), rcond=None)[0]
+            pressed = _unlike(*given, self._terms @ shift)[0]
+        return float(pressed)
+
+
+@numba.njit(cache=True)
+def _unlike(
+    away: Float, off: Float, dirt: Float, sigma: Float, valid: Mask, side: int, noises: float, drift: Float
+) -> tuple[float, Float, Float]:
+    """Largest rms of a part that is neither as it was nor where the untouched mirror is, LCD px.
+
+    away, off (rows, cols, 2): displacement now and at rest, which may have changed by dirt (rows, cols).
+    drift: (rows, cols, 2) of parts, taken off. Also how many of each part's nodes are valid, and their mean
+    of away - off, 0 where they are too few.
+    """
+    rows, cols = valid.shape
+    down, across = drift.shape[:2]
+    counts, means = np.zeros((down, across)), np.zeros((down, across, 2))
+    sums, mean, worst = np.zeros((2, 3)), np.zeros(2), 0.0
+    for top in range(down):
+        for left in range(across):
+            nodes, square = 0, 0.0
+            sums[:], mean[:] = 0.0, 0.0
+            for j in range(top * side, min((top + 1) * side, rows)):
+                for i in range(left * side, min((left + 1) * side, cols)):
+                    if valid[j, i]:
+                        nodes += 1
+                        for k in range(2):
+                            raw = away[j, i, k] - drift[top, left, k]
+                            now = raw - off[j, i, k]
+                            limit = WITHIN_LCD_PX + noises * sigma[j, i, k]
+                            mean[k] += now
+                            square += 0.5 * now * now
+                            sums[1, k] += raw / limit
+                            sums[1, 2] += 0.5 * (raw / limit) ** 2
+                            limit += dirt[j, i]
+                            sums[0, k] += now / limit
+                            sums[0, 2] += 0.5 * (now / limit) ** 2
+            if nodes < LEAST_NODES:
+                continue
+            counts[top, left] = nodes
+            means[top, left] = mean / nodes + drift[top, left]
+            # as it was, or as the untouched mirror is: something may have lifted since
+            as_it_was, untouched = _within(sums[0], nodes), _within(sums[1], nodes)
+            if not (as_it_was or untouched):
+                worst = max(worst, np.sqrt(square / nodes))
+    return worst, counts, means
+
+
+@numba.njit(cache=True)
+def _within(sums: Float, nodes: int) -> bool:
+    """Whether nodes are within their limits: sums of both displacements over these, and of their squares."""
+    return bool(sums[2] <= nodes and max(abs(sums[0]), abs(sums[1])) <= 0.5 * nodes)

@@ -1,0 +1,73 @@
+"""What holes in a reading may hide: the mirror may go deeper where no node was measured.
+
+The larger of two answers. The slopes at the rim, continued linearly: exact for a cone, twice too deep for a
+paraboloid. But a narrow dent may lie wholly in the hole that it makes itself, or in one of dirt, its rim as
+flat as at rest. It cannot be read because it bends the mirror as much as folds the image: it may be as deep
+as a paraboloid of that curvature, as wide as the hole less a sensing window.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from scipy import ndimage
+
+from zeromethod.arrays import Float, Mask
+from zeromethod.surface.surface import Surface
+
+_WINDOW_NODES = 3.0
+"""Distance of a single unreadable place from the next measured node: nodes fail as far from it as the sensing
+window's half width, 2 nodes, and the next one is measured."""
+
+
+def fold_per_mm(bending: Float, spacing_px: float, sensitivity: Float, point: Float, nodes: Mask) -> float:
+    """Curvature of the mirror, 1/mm, at which its image folds: median over the nodes (rows, cols).
+
+    bending: (rows, cols, 2, 2) LCD px per camera px at rest. sensitivity: (rows, cols, 2, 2) LCD px per rad.
+    point: (rows, cols, 3) mirror points, mm. Alike in both directions, the geometric mean.
+    """
+    node_mm2 = _area(point)
+    known = nodes & (node_mm2 > 0.0)
+    if not known.any():
+        return 0.0
+    per_node = np.abs(np.linalg.det(bending[known])) * spacing_px**2
+    per_rad = np.abs(np.linalg.det(sensitivity[known]))
+    return float(np.median(np.sqrt(per_node / (per_rad * node_mm2[known]))))
+
+
+def deeper_inside_mm(surface: Surface, measured: Mask, fitted: Mask, depth_mm: float) -> float:
+    """How much deeper than depth_mm the mirror may be where it was not measured, mm; 0 for no deeper.
+
+    measured, fitted: (rows, cols); nodes inside a fit's window count as known.
+    """
+    unknown = ~measured & ~fitted & surface.on_mirror
+    if not unknown.any():
+        return 0.0
+    _, (row, col) = ndimage.distance_transform_edt(~surface.valid, return_indices=True)
+    rim = row[unknown], col[unknown]
+    away = np.stack([a[unknown] - a[rim] for a in (surface.x_mm, surface.y_mm)], axis=-1)
+    sign = np.sign(depth_mm)
+    steeper = sign * (surface.slope[rim] * away).sum(axis=-1)
+    further = sign * surface.depth_mm[rim] + np.maximum(steeper, _bent_mm(surface, unknown, away))
+    return max(float(np.nanmax(further)) - abs(depth_mm), 0.0)
+
+
+def _bent_mm(surface: Surface, unknown: Mask, away_mm: Float) -> Float:
+    """(n,) depth of a paraboloid as bent as folds, of unknown nodes in holes with measured ones all around.
+
+    away_mm: (n, 2) from the next measured node.
+    """
+    _, holes, stats, _ = cv2.connectedComponentsWithStats((~surface.valid).view(np.uint8), connectivity=4)
+    rows, cols = unknown.shape
+    left, top, width, height = stats.T[:4]
+    enclosed = (left > 0) & (top > 0) & (left + width < cols) & (top + height < rows)
+    node_mm2 = _area(np.stack([surface.x_mm, surface.y_mm], axis=-1))[surface.valid]
+    window_mm = _WINDOW_NODES * float(np.sqrt(np.nanmedian(node_mm2)))
+    hidden_mm = np.maximum(np.hypot(*away_mm.T) - window_mm, 0.0)
+    return np.asarray(np.where(enclosed[holes[unknown]], 0.5 * surface.fold_per_mm * hidden_mm**2, 0.0))
+
+
+def _area(point: Float) -> Float:
+    """Area (rows, cols) of the mirror per node, mm^2. point: (rows, cols, 2 or more) mm."""
+    down, along = (np.gradient(point[..., :2], axis=axis) for axis in (0, 1))
+    return np.asarray(np.abs(along[..., 0] * down[..., 1] - along[..., 1] * down[..., 0]))
