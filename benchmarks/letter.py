@@ -16,7 +16,7 @@ import cv2
 import matplotlib as mpl
 import numpy as np
 
-from benchmarks.every_pixel import OPEN_GAIN, Held, bench_rig, held
+from benchmarks.every_pixel.scenes import OPEN_GAIN, Held, bench_rig, held
 from benchmarks.report import start
 from benchmarks.rigs import VIEW_MIDDLE_MM
 from zeromethod.arrays import Float

@@ -96,10 +96,13 @@ class Bench:
 
 
 @contextmanager
-def opened(rig: Rig) -> Iterator[Bench]:
-    """Open the rig's simulated devices for a loop over them; closed at the end."""
+def opened(rig: Rig, true_rig: Rig | None = None) -> Iterator[Bench]:
+    """Open the rig's simulated devices for a loop over them; closed at the end.
+
+    true_rig: what the bench truly is, where the rig that the loop has is wrong.
+    """
     optics = Optics(rig)
-    with open_devices(rig) as devices:
+    with open_devices(true_rig or rig) as devices:
         camera: Any = devices.camera
         reopen = devices.reopen_camera
         loop = Loop(rig, camera, devices.display, devices.clock, reopen_camera=reopen, optics=optics)

@@ -6,10 +6,14 @@ import json
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
-from zeromethod import compiling
-from zeromethod.compiling import EVERY_S, Kernel, compile_ahead, kernels, kernels_of
+from numba.core.event import Event, EventStatus
+
+from zeromethod import compiling, still_busy
+from zeromethod.compiling import Kernel, compile_ahead, kernels, kernels_of
+from zeromethod.surface.integrate import fill_in
 
 ROOT = Path(__file__).parent.parent
 CALL = """
@@ -44,6 +48,21 @@ def test_what_is_compiled_when_it_is_called_is_said_once(tmp_path: Path) -> None
     assert output(CALL, tmp_path) == ""
 
 
+def test_a_function_that_takes_long_is_said_again_and_again(monkeypatch):
+    monkeypatch.setattr(still_busy, "EVERY_S", 0.02)
+    said: list[str] = []
+    reported = compiling._Reported(said.append, ahead=False)
+    event = Event("compile", EventStatus.START, {"dispatcher": fill_in})
+    reported.on_start(event)
+    time.sleep(0.2)
+    reported.on_end(event)
+    count = len(said)
+    assert set(said) == {"compiling, once on a new machine: surface"}
+    assert count > 2
+    time.sleep(0.1)
+    assert len(said) <= count + 1
+
+
 def test_what_is_compiled_ahead_need_not_be_when_it_is_called(tmp_path, monkeypatch):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     modules = ("zeromethod.warp.compose", "zeromethod.warp.interpolant")
@@ -53,7 +72,7 @@ def test_what_is_compiled_ahead_need_not_be_when_it_is_called(tmp_path, monkeypa
     compile_ahead([*wanted, gone], said.append)
     count = len(wanted) + 1
     assert said[0] == f"compiling, once on a new machine: 0 of {count} functions"
-    assert EVERY_S < 2.0
+    assert still_busy.EVERY_S < 2.0
     assert output(CALL, tmp_path) == ""
 
 

@@ -25,9 +25,7 @@ from numba.core.dispatcher import Dispatcher
 from numba.core.event import Event, Listener, register
 
 from zeromethod.child_process import ignore_signals, start_process, take_output
-
-EVERY_S = 1.5
-"""Time between two lines."""
+from zeromethod.still_busy import EVERY_S, StillBusy
 
 LIST = Path(__file__).parent / "kernels.txt"
 _DONE = b"\n"
@@ -95,6 +93,12 @@ def kernels_of(*commands: str) -> list[Kernel]:
     return [one for one in kernels() if not commands or one.command in commands]
 
 
+def load(room: str) -> None:
+    """Compile, or load as they were compiled, all of a room's functions: else the first call waits for it."""
+    for one in dict.fromkeys(each[1:] for each in kernels() if each.module.split(".")[1] == room):
+        _compile(*one)
+
+
 def compile_ahead(wanted: Sequence[Kernel], say: Callable[[str], None]) -> None:
     """Compile what is not yet compiled, module by module in a process for each core.
 
@@ -139,9 +143,11 @@ class _Reported(Listener):
         self._say = say
         self._ahead = {one.command for one in kernels()} if ahead else set()
         self._said_s = float("-inf")
+        self._busy, self._begun = StillBusy(say), 0
 
     def on_start(self, event: Event) -> None:
         """Where it is one of a command's, compile all of that first; else say what is compiled."""
+        self._begun += 1
         function = event.data["dispatcher"].py_func
         module = str(function.__module__)
         if not module.startswith("zeromethod."):
@@ -151,12 +157,18 @@ class _Reported(Listener):
         if command in self._ahead:
             self._ahead.remove(command)
             compile_ahead(kernels_of(command), self._say)
-        elif time.monotonic() - self._said_s >= EVERY_S:
-            self._say(f"compiling, once on a new machine: {module.split('.')[1].replace('_', ' ')}")
+            return
+        words = f"compiling, once on a new machine: {module.split('.')[1].replace('_', ' ')}"
+        self._busy.doing(words)
+        if time.monotonic() - self._said_s >= EVERY_S:
+            self._say(words)
             self._said_s = time.monotonic()
 
-    def on_end(self, event: Event) -> None:
-        """Say nothing."""
+    def on_end(self, event: Event) -> None:  # noqa: ARG002 - numba's signature
+        """Say no more once all is compiled that others called."""
+        self._begun -= 1
+        if self._begun == 0:
+            self._busy.doing("")
 
 
 _reported: list[_Reported] = []

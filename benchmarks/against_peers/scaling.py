@@ -34,7 +34,7 @@ Size = tuple[int, int]
 SIZES: tuple[Size, ...] = ((256, 320), (512, 640), (1024, 1280), (2048, 2560))
 """(rows, cols) of the frames."""
 
-SETTLING = 24
+SETTLING = 40
 """Readings of a new mask until the samples of its noise are complete."""
 
 NODE_PITCH_MM = 0.24

@@ -53,7 +53,7 @@ def measured(
         rest_map=RestMap(lcd, sigma, valid, reason), amplitude=amplitude, mean=amplitude, odds=nothing,
         reflection=nothing, noise=NoiseModel(4.0, 0.0), noise_found=True, scatter_ratio=1.0,
         second_harmonic=0.0, folded_harmonic=0.0, light_drift=0.0, flicker=0.0, phase_sigma_rad=0.01,
-        expected_wrong=0.0, order_error=0.0, size_px=(float(size[0]), float(size[1])),
+        order_error=0.0, size_px=(float(size[0]), float(size[1])),
     )  # fmt: skip
 
 

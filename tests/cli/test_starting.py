@@ -1,11 +1,12 @@
 """What a start is doing, and what the line in the terminal says of a run."""
 
+import time
 from io import StringIO
 
 import numpy as np
 from rich.console import Console
 
-from zeromethod import State, Step
+from zeromethod import State, Step, still_busy
 from zeromethod.cli.starting import Starting
 from zeromethod.page.message import Content
 from zeromethod.surface import Peak
@@ -32,11 +33,19 @@ def test_a_start_is_shown_on_the_terminal_and_on_the_page():
     assert "starting: preparing the loop" in words
 
 
-def test_where_there_is_no_terminal_nothing_is_printed():
+def test_where_there_is_no_terminal_only_what_takes_long_is_said_and_again(monkeypatch):
+    monkeypatch.setattr(still_busy, "EVERY_S", 0.02)
     console = Console(file=StringIO(), width=100)
     with Starting(console, None, "opening") as say:
         say("preparing")
-    assert console.file.getvalue() == ""  # type: ignore[attr-defined]
+        time.sleep(0.2)
+        say("")
+        said = console.file.getvalue().splitlines()  # type: ignore[attr-defined]
+    assert set(said) == {"starting: preparing"}
+    assert len(said) > 1
+    time.sleep(0.1)
+    assert console.file.getvalue().splitlines()[len(said) + 1 :] == []  # type: ignore[attr-defined]
+    assert still_busy.EVERY_S < 2.0
 
 
 def test_the_line_has_rate_drops_and_sigma_and_depth_while_paused():

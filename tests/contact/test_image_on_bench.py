@@ -23,7 +23,7 @@ def run(request, tmp_path_factory):
     path.write_text(text)
     rig = load_rig("simulated").replace({**VIEW, "camera.pupil_mm": 1.25}, scenario=str(path))
     with Session(rig) as session:
-        steps = [(step, session.loop._screen.lamp is not None) for step in session.run(seconds=0.95)]
+        steps = [(step, session.loop._screen.lamp is not None) for step in session.run(seconds=0.9)]
     # an exposure begins 4 ms before its middle
     before = [one for one in steps if one[0].time_ns * 1e-9 < TOUCH_S - 0.005]
     held = [

@@ -19,7 +19,10 @@ def recording(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def session(recording):
-    rig = binned(load_rig("simulated"), 2).replace({**HALF_LCD, "camera.pupil_mm": 1.25}, scenario="punch")
+    view = {"camera.columns": 480, "camera.rows": 384, "camera.centre_px": [239.5, 191.5]}
+    rig = binned(load_rig("simulated"), 2).replace(
+        {**HALF_LCD, **view, "camera.pupil_mm": 1.25}, scenario="punch"
+    )
     with Session(rig, record=recording) as session:
         for _ in session.run(seconds=0.5):
             pass

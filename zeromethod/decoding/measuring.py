@@ -67,8 +67,7 @@ class RestMeasurement:
     folded_harmonic: largest share of a harmonic that the shifts aliased onto the fundamental, and that was
     removed. light_drift: largest change of the whole view's light between sets. flicker: its change from
     frame to frame, rms, 0 where too small to be seen; see `decoding.flicker`. phase_sigma_rad: median of the
-    valid. expected_wrong: share of valid pixels that are wrong by their odds, before the neighbours'
-    test. order_error: the same predicted from phase_sigma_rad and the periods. size_px: LCD (columns, rows)
+    valid. order_error: share of wrong orders predicted from it and the periods. size_px: LCD (columns, rows)
     searched. near_px: distance, LCD px, of a second reflection of a tenth of the light that is too near to be
     masked, 0 for none; it moves places by a tenth of that. See `near_reflection`.
     """
@@ -86,7 +85,6 @@ class RestMeasurement:
     light_drift: float
     flicker: float
     phase_sigma_rad: float
-    expected_wrong: float
     order_error: float
     size_px: tuple[float, float]
     near_px: float = 0.0
@@ -240,7 +238,6 @@ def measure_rest(
         flicker=flicker.share,
         light_drift=float(np.max(np.abs(light.gain / np.median(light.gain) - 1.0))),
         phase_sigma_rad=phase_sigma,
-        expected_wrong=_expected_wrong(places, valid),
         order_error=max(map(order_error, sequence.periods, (phase_sigma,) * 2, searched)),
         size_px=searched,
         near_px=near_reflection(phasors, places, valid),
@@ -311,11 +308,6 @@ def _agreement(places: list[Places], sound: Mask, limit_share: float, reason: Fl
     _add(reason, Reason.SECOND_REFLECTION, odd & near)
     _add(reason, Reason.INCONSISTENT, odd & (reason == 0))
     return sigma, reflection
-
-
-def _expected_wrong(places: list[Places], valid: Mask) -> float:
-    odds = [place.odds[valid] for place in places]
-    return float(sum(np.mean(o / (1.0 + o)) for o in odds)) if valid.any() else 0.0
 
 
 def _median(places: list[Places], valid: Mask) -> float:

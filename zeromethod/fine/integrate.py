@@ -1,27 +1,33 @@
-"""Integration on every pixel: conjugate gradients, preconditioned by the cosine transform.
+"""Integration on every pixel: conjugate gradients, preconditioned by a direct solution.
 
 Minimises sum w (e_b - e_a - m)^2 over the steps between neighbouring pixels, as `surface.integrate` does
-between nodes. With equal weights on a whole rectangle the cosine transform solves it at once; holes and
-uneven weights take some iterations more. (Multigrid needs seconds to set up at a million pixels, factors more
-memory than a computer has to spare.)
+between nodes. With weights that vary along one axis alone, as the lever's do by two orders of magnitude, the
+cosine transform along the other leaves one tridiagonal system for each of its waves; holes and what else is
+uneven takes some iterations more. (Multigrid needs seconds to set up at a million pixels, factors more memory
+than a computer has to spare.)
 """
 
 from __future__ import annotations
 
-from typing import Any
-
 import cv2
 import numba
 import numpy as np
-from scipy.fft import dctn, idctn, next_fast_len
+from scipy.fft import dct, idct, next_fast_len
 
-from zeromethod.arrays import Mask, Single
+from zeromethod.arrays import Float, Mask, Single
 
 ENOUGH = 1e-5
 """Residual over that of no solution, preconditioned, at which it is solved: errors of depth are below it."""
 _MOST_ITERATIONS = 60
-_EVENED_PX = 31
-"""Pixels over which weights are averaged for the preconditioner."""
+
+
+@numba.njit(cache=True, fastmath={"contract", "reassoc"})
+def _go(by: np.float32, way: Single, product: Single, x: Single, left: Single) -> None:
+    """Go a way in x, and take what that makes out of what is left, in place."""
+    for i in range(x.shape[0]):
+        for j in range(x.shape[1]):
+            x[i, j] += by * way[i, j]
+            left[i, j] -= by * product[i, j]
 
 
 @numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc"})
@@ -68,10 +74,10 @@ def _divergence(across: Single, down: Single, of_across: Single, of_down: Single
                 out[i, j] -= flow
 
 
-def eigenvalues(shape: tuple[int, ...], across: float, down: float, kind: type = np.float64) -> Any:
+def eigenvalues(shape: tuple[int, ...], across: float, down: float) -> Float:
     """Of the Laplacian with these weights of all steps, by the wave numbers of the cosine transform."""
     rows, cols = (2.0 - 2.0 * np.cos(np.pi * np.arange(n) / n) for n in shape)
-    return (down * rows[:, None]).astype(kind) + (across * cols).astype(kind)
+    return np.asarray(down * rows[:, None] + across * cols)
 
 
 def largest_part(valid: Mask) -> Mask:
@@ -82,13 +88,44 @@ def largest_part(valid: Mask) -> Mask:
     return np.asarray(labels == 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA])))
 
 
+@numba.njit(cache=True, error_model="numpy")
+def _pivots(across: Float, down: Float, waves: Float, inverse: Single) -> None:
+    """1 over the pivots of each wave's tridiagonal system, (waves, cols); 0 where it leaves a constant open.
+
+    across (cols - 1,), down (cols,): weights. waves: eigenvalues of the steps down.
+    """
+    cols = len(down)
+    for k in range(len(waves)):
+        last = 0.0
+        for i in range(cols):
+            before = across[i - 1] if i > 0 else 0.0
+            beyond = across[i] if i < cols - 1 else 0.0
+            pivot = before + beyond + waves[k] * down[i] - before * before * last
+            last = 1.0 / pivot if i < cols - 1 or waves[k] > 0.0 else 0.0
+            inverse[k, i] = last
+
+
+@numba.njit(cache=True, fastmath={"contract"})
+def _eliminate(waves: Single, across: Float, inverse: Single) -> None:
+    """Solve the systems of `_pivots` for each wave's right side (waves, cols), in place."""
+    cols = waves.shape[1]
+    line = np.empty(cols)
+    for k in range(waves.shape[0]):
+        line[0] = waves[k, 0]
+        for i in range(1, cols):
+            line[i] = waves[k, i] + across[i - 1] * inverse[k, i - 1] * line[i - 1]
+        value = line[cols - 1] * inverse[k, cols - 1]
+        waves[k, cols - 1] = value
+        for i in range(cols - 2, -1, -1):
+            value = (line[i] + across[i] * value) * inverse[k, i]
+            waves[k, i] = value
+
+
 class PixelIntegrator:
     """Integrator of steps on one lattice of pixels; starts from the last solution."""
 
     def __init__(self, shape: tuple[int, ...]) -> None:
         self._shape = shape
-        # a transform of 1249 pixels takes five times as long as one of 1250
-        self._fast = tuple(next_fast_len(n, real=True) for n in shape)
         self.iterations = 0
         """Of the last solution."""
 
@@ -99,26 +136,13 @@ class PixelIntegrator:
         (rows, cols), where to begin. Pixels without steps get what the smooth continuation gives.
         """
         across, down = weights
-        scale, ratio = _evened(across, down)
-        inverse, (rows, cols) = eigenvalues(self._fast, 1.0, ratio, np.float32), self._shape
-        inverse[0, 0] = np.inf
-        np.reciprocal(inverse, out=inverse)
-        whole = np.empty(self._fast, np.float32)
+        nearly = _Nearly(across, down)
         right, x, product = np.empty(self._shape, np.float32), start.copy(), np.empty(self._shape, np.float32)
         _divergence(*steps, across, down, right)
-
-        def conditioned(left: Single) -> Single:
-            whole[rows:] = whole[:, cols:] = np.float32(0.0)
-            np.multiply(left, scale, out=whole[:rows, :cols])
-            waves = dctn(whole, norm="ortho", overwrite_x=True)
-            waves *= inverse
-            found = np.asarray(idctn(waves, norm="ortho", overwrite_x=True))[:rows, :cols]
-            return found * scale
-
-        enough = ENOUGH**2 * _dot(right, conditioned(right))
+        enough = ENOUGH**2 * _dot(right, nearly.solved(right))
         _apply(x, across, down, product)
         left = right - product
-        guess = conditioned(left)
+        guess = nearly.solved(left)
         size = _dot(left, guess)
         way = guess.copy()
         self.iterations = 0
@@ -127,9 +151,8 @@ class PixelIntegrator:
             if not energy > 0.0:
                 break
             by = np.float32(size / energy)
-            x += by * way
-            left -= by * product
-            guess = conditioned(left)
+            _go(by, way, product, x, left)
+            guess = nearly.solved(left)
             before, size = size, _dot(left, guess)
             way *= np.float32(size / before)
             way += guess
@@ -137,22 +160,42 @@ class PixelIntegrator:
         return x
 
 
-def _evened(across: Single, down: Single) -> tuple[Single, float]:
-    """Factor (rows, cols) that evens weights out from both sides, and the weight down over that across.
+class _Nearly:
+    """Direct solution with the weights' means along the axis along which they vary less."""
 
-    Over the smooth mean of weights around: L is about S^-1 L' S^-1, L' with even ones.
-    """
-    rows, cols = across.shape[0], down.shape[1]
-    total, known = np.zeros((rows, cols), np.float32), np.zeros((rows, cols), np.float32)
-    total[:, :-1] = across
-    known[:, :-1] = across > 0.0
-    size = _EVENED_PX, _EVENED_PX
-    sums = [np.asarray(cv2.boxFilter(one, -1, size, normalize=False)) for one in (total, known)]
-    middle = float(total.sum() / max(known.sum(), 1.0))
-    around = np.where(sums[1] > 0.5, sums[0] / np.maximum(sums[1], 0.5), middle)
-    both = down[down > 0.0]
-    ratio = float(both.mean()) / middle if both.size and middle > 0.0 else 1.0
-    return (1.0 / np.sqrt(np.maximum(around, 1e-6 * middle))).astype(np.float32), ratio
+    def __init__(self, across: Single, down: Single) -> None:
+        along_rows = _profile(across, 0), _profile(down, 0)
+        along_cols = _profile(down, 1), _profile(across, 1)
+        self._turned = bool(np.ptp(np.log(along_cols[1])) > np.ptp(np.log(along_rows[1])))
+        self._across, own = along_cols if self._turned else along_rows
+        self._count = across.shape[0] if not self._turned else down.shape[1]
+        # a transform of 1249 pixels takes five times as long as one of 1250
+        fast = next_fast_len(self._count, real=True)
+        waves = 2.0 - 2.0 * np.cos(np.pi * np.arange(fast) / fast)
+        self._inverse = np.empty((fast, len(own)), np.float32)
+        _pivots(self._across, own, waves, self._inverse)
+        self._whole = np.empty_like(self._inverse)
+
+    def solved(self, left: Single) -> Single:
+        """(rows, cols) for a right side (rows, cols)."""
+        whole = self._whole
+        whole[: self._count] = left.T if self._turned else left
+        whole[self._count :] = np.float32(0.0)
+        waves = dct(whole, axis=0, norm="ortho", overwrite_x=True)
+        _eliminate(waves, self._across, self._inverse)
+        found = np.asarray(idct(waves, axis=0, norm="ortho", overwrite_x=True))[: self._count]
+        return np.ascontiguousarray(found.T) if self._turned else found
+
+
+def _profile(weights: Single, axis: int) -> Float:
+    """Mean of those weights along an axis that count; where none does, that between the next that do."""
+    count = np.count_nonzero(weights, axis=axis)
+    total = weights.sum(axis=axis, dtype=np.float64)
+    known = count > 0
+    if not known.any():
+        return np.ones(len(count))
+    at = np.arange(len(count))
+    return np.asarray(np.interp(at, at[known], total[known] / count[known]))
 
 
 def _dot(one: Single, other: Single) -> float:

@@ -164,11 +164,8 @@ class OrderCheck:
     def _compare(self, observation: Observation, residual: Residual, known: Known) -> Known | None:
         """The order by a frame of the picture that is kept and one of the enlarged one, in turn."""
         assert self._kept is not None
-        alone = (
-            _alone(observation, self._kept, ALIKE_PX)
-            if self._larger is None
-            else _alone(observation, self._larger, _SAME_LCD_PX)
-        )
+        wanted = self._kept if self._larger is None else self._larger
+        alone = observation.mixture is None and _alone(observation, wanted, _SAME_LCD_PX)
         self._steady = self._steady + 1 if alone else 0
         if self._steady < (STEADY_FRAMES if self._failed else 1):
             return None

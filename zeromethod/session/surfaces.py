@@ -18,7 +18,7 @@ from typing import Any
 
 from zeromethod.array_exchange import NONE, ArrayExchange, shared_memory
 from zeromethod.child_process import ignore_signals, lower_priority, start_process, take_output
-from zeromethod.compiling import report_compiling
+from zeromethod.compiling import load, report_compiling
 from zeromethod.optics import Optics
 from zeromethod.rig.model import Rig
 from zeromethod.surface import Peak, Surface, SurfaceReader, peak
@@ -237,7 +237,9 @@ class Surfaces:
 
 def _reads(rig: Rig, grid: NodeGrid) -> Callable[[Warp], tuple[Surface, Peak]]:
     reader = SurfaceReader(rig, Optics(rig), grid)
-    importlib.import_module("scipy.interpolate")  # else the first narrow dent would wait for it
+    # else the first narrow dent, and the first press, would wait for it
+    importlib.import_module("scipy.interpolate")
+    load("surface")
 
     def read(warp: Warp) -> tuple[Surface, Peak]:
         surface = reader.follow(warp)

@@ -16,8 +16,9 @@ from typing import Literal
 import cv2
 import numpy as np
 
-from zeromethod.arrays import Float, Mask
+from zeromethod.arrays import Float, Mask, Single
 from zeromethod.rig.model import KnownRest
+from zeromethod.surface.node_passes import diagonal
 from zeromethod.surface.quiet import (
     agreeing,
     mask,
@@ -129,15 +130,15 @@ class Border:
         self.correlated, self.shared = len(correlation), shared_nodes(correlation)
         self.nodes = np.count_nonzero(island)
         self.gradients = self.means(gradient, np.ones((*island.shape, 1)))
-        share = np.maximum(self.gradients[..., 2], 1.0 / self.block**2)
+        share = np.maximum(self.gradients[..., 2].astype(np.float64), 1.0 / self.block**2)
         self.averaging = mean_noise_gain(correlation, self.block) ** 2 / share**2
 
-    def means(self, one: Float, other: Float) -> Float:
+    def means(self, one: Float, other: Float) -> Single:
         """Means (rows, cols, n + m) over blocks of values (rows, cols, n), (..., m) on the island, else 0."""
-        masked = np.empty((*self.island.shape, one.shape[2] + other.shape[2]))
+        masked = np.empty((*self.island.shape, one.shape[2] + other.shape[2]), np.float32)
         mask(one, other, self.island, masked)
         size = self.block, self.block
-        return np.asarray(cv2.boxFilter(masked, -1, size, borderType=cv2.BORDER_CONSTANT), np.float64)
+        return np.asarray(cv2.boxFilter(masked, -1, size, borderType=cv2.BORDER_CONSTANT), np.float32)
 
     def around(self, values: Float) -> Float:
         """Largest (rows, cols) of a block."""
@@ -161,6 +162,8 @@ class Quiet:
         self._border, self._slope, self._variance = border, slope, variance
         self._constant, self._scale = constant_mm, scale
         self._place = x_mm, y_mm
+        # a single node has no extent and needs no weight
+        self._least2 = (0.25 * diagonal(x_mm, y_mm, border.island)) ** 2 or 1.0
         self._means = border.means(slope, variance)
         self._noise2 = noise_of(self._means, border.averaging)
 
@@ -187,9 +190,9 @@ class Quiet:
         slope2 = squared(self._means, border.gradients, contained_mm, border.block, border.island)
         # the largest nearby, as a dent's centre is flat too
         nearby = border.around(slope2)
-        weights, away, lever2, values, heavy = quiet_weights(
-            nearby, self._noise2, self._constant, self._scale, *self._place, border.ring, border.island
-        )
+        fields = nearby, self._noise2, self._constant, self._scale, *self._place
+        found = quiet_weights(*fields, border.ring, border.island, self._least2)
+        weights, away, lever2, values, heavy = found
         order = np.argsort(values)
         agreeing(weights, self._constant, *shortest_interval(values[order], heavy[order], _CORE_SHARE))
         return weights, away, lever2, slope2

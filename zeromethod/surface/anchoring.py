@@ -16,12 +16,15 @@ from zeromethod.arrays import Float, Mask
 from zeromethod.rig.model import KnownRest
 from zeromethod.surface.anchor import MOST_CHOICES, Border, Quiet, RestFit, fit_known, known_nodes
 from zeromethod.surface.far_field import BodyOnNodes, FarField, fit_far_field
+from zeromethod.surface.node_passes import step_of
 from zeromethod.surface.roughness import roughness
 
 _AGAIN_MM = 1e-4
 """Step of the constant above which it is found again: what is found depends on it by less than 1 in 2000."""
 _DOUBTFUL_MM = 1e-3
 """Sigma of the constant above which nodes may be chosen in several ways."""
+_SAME = 1e-3
+"""Share of the weight by which two choices of nodes may differ and count as the same."""
 _FAR_MM = 0.02
 """Far field above which to take it out of the slopes to first order is too rough for choosing nodes."""
 _MOST_FITS = 6
@@ -98,7 +101,7 @@ class Anchoring:
         if self._weights is None:
             there = replace(read, depth=read.depth + scale * error)
             self._weights = self._anchors.nodes(there, 0.0, 1)[0].weights
-        return scale * (error - mean(self._weights, error)) * read.island
+        return step_of(scale, error, mean(self._weights, error), read.island)
 
     def choose(self, read: Pass) -> float:
         """Choose nodes and the far field; multiple of h to add to depth, mm."""
@@ -116,6 +119,15 @@ class Anchoring:
         self.fixed = abs(step_mm) < _AGAIN_MM or self._fits == _MOST_FITS
         self.fit = fit
         return step_mm
+
+    def chooses_so_after(self, first: Pass | None, read: Pass) -> bool:
+        """Whether a reading from rest, with this first pass, would have chosen the same nodes."""
+        if first is None or self._chosen is None:
+            return False
+        begun = self._anchors.nodes(first, 0.0, 1)[0].weights
+        contained_mm = mean(begun, read.depth / self._anchors.scale)
+        weights = self._anchors.nodes(read, contained_mm)[0].weights
+        return float(np.abs(weights - self._chosen.weights).sum()) < _SAME
 
     @property
     def doubtful(self) -> bool:

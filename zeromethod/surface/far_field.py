@@ -19,7 +19,7 @@ as well. Errors of a law are much the same in neighbouring nodes: all of them co
 as more where they are noise. The core, where loads lie and no law holds, counts little. As wrong as a law is
 of slopes, it is of the anchor's depth, relative to what its slopes imply if depth falls as 1 / r; and of one
 that explains little, all dents may fall so from where they are steepest. Every law is as likely as it makes
-the slopes, each number that it needs a cost; the largest k and k = 0 count apart from the k that fits best.
+the slopes, each number that it needs a cost; the largest k, 1 and 0 count apart from the k that fits best.
 A dent on a tilted mirror is one more explanation: a camera or an LCD that moved under a press looks like
 that. C is the mean over all, and its sigma contains what they disagree by.
 """

@@ -26,6 +26,7 @@ from zeromethod.surface.far_field_laws import (
     NUMBERS,
     ONE_LAW,
     OWN_LAWS,
+    POINT,
     SET_LAWS,
     Known,
     Nodes,
@@ -71,8 +72,8 @@ slope that it must gain for one more."""
 _SEEN_BEYOND = 0.15
 """Way beyond the view, over its extent, up to which a further dent is looked for closely."""
 
-_TWO, _OWN, _MEMBERS = 8, 11, 15
-"""Four of one dent, as many from another start, three of two with one law; two to four
+_TWO, _OWN, _MEMBERS = 10, 14, 18
+"""Five of one dent, as many from another start, four of two with one law; two to four
 dents, each with its own law; and last one on a mirror that is tilted."""
 
 
@@ -88,12 +89,14 @@ def posterior(
     one, best = start.copy(), 0
     alone = start.copy()
     for turn in range(2):
-        first = 4 * turn
+        first = 5 * turn
         fit(one, ONE_LAW, _PASSES, nodes, quiet, known, limits, members[best, UNLIKELY], members[first])
         best = first if turn == 0 or members[first, UNLIKELY] < members[best, UNLIKELY] else best
         if best == first:
             alone[:] = one
-        for k, law in ((1, known.body.most_law), (2, 0.0), (3, LAYER)):
+        for k, law in ((1, known.body.most_law), (2, 0.0), (3, LAYER), (4, POINT)):
+            if k == 4 and law == known.body.most_law:
+                continue
             if turn == 0 and not _possible(members[0], one[LAW], law):
                 continue
             same = _same_scale(alone if members[best, WRONG] < _UNFIT else one, law)
@@ -184,9 +187,9 @@ def _fit_two(
         fit(starts[k], ONE_LAW, passes, nodes, quiet, known, limits, best, members[k])
     two: Float = starts[np.argmin(members[:, UNLIKELY])]
     fit(two, ONE_LAW, _PASSES, nodes, quiet, known, limits, best, members[0])
-    for k, of_law in ((1, known.body.most_law), (2, 0.0)):
+    for k, of_law in ((1, known.body.most_law), (2, 0.0), (3, POINT)):
         members[k, UNLIKELY] = np.inf
-        if _possible(members[0], two[LAW], of_law):
+        if (k < 3 or of_law < known.body.most_law) and _possible(members[0], two[LAW], of_law):
             same = _same_scale(two, of_law)
             fit(same, SET_LAWS, _PASSES, nodes, quiet, known, limits, best, members[k])
     return two

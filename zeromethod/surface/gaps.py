@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -72,15 +73,30 @@ class Gaps:
 
 def gaps_between(near: Mask, far: Mask) -> Gaps:
     """All gaps between nodes of two masks (rows, cols), without nodes of either inside; may be one mask."""
-    found = []
-    for axis in (0, 1):
-        a, b = np.moveaxis(near, axis, 0), np.moveaxis(far, axis, 0)
-        either, length = a | b, len(a)
-        blocked = np.zeros_like(either)
-        for step in range(2, min(WIDEST + 2, length)):
-            blocked = blocked[: length - step] | either[step - 1 : length - 1]
-            for first, second, order in ((a, b, 1), (b, a, -1)):
-                k, m = np.nonzero(first[: length - step] & second[step:] & ~blocked)
-                ends = np.stack([np.stack([k, m], -1), np.stack([k + step, m], -1)], axis=1)
-                found.append(ends[:, ::order, :: -1 if axis else 1])
-    return Gaps(np.concatenate(found))
+    return Gaps(_ends(np.ascontiguousarray(near), np.ascontiguousarray(far)))
+
+
+@numba.njit(cache=True)
+def _ends(near: Mask, far: Mask) -> NDArray[np.intp]:
+    """Ends (n, 2, 2) of `Gaps`."""
+    rows, cols = near.shape
+    # a node ends two gaps along either axis at most, and each of these once or, of one mask, twice
+    out, count = np.empty((4 * rows * cols, 2, 2), np.intp), 0
+    for axis in range(2):
+        lines, length = (rows, cols) if axis else (cols, rows)
+        for line in range(lines):
+            before = -1 - length
+            for at in range(length):
+                i, j = (line, at) if axis else (at, line)
+                if not (near[i, j] or far[i, j]):
+                    continue
+                if 1 < at - before < WIDEST + 2:
+                    k, m = (line, before) if axis else (before, line)
+                    if near[k, m] and far[i, j]:
+                        out[count, 0, 0], out[count, 0, 1], out[count, 1, 0], out[count, 1, 1] = k, m, i, j
+                        count += 1
+                    if far[k, m] and near[i, j]:
+                        out[count, 0, 0], out[count, 0, 1], out[count, 1, 0], out[count, 1, 1] = i, j, k, m
+                        count += 1
+                before = at
+    return out[:count].copy()

@@ -8,8 +8,11 @@ as a paraboloid of that curvature, as wide as the hole less a sensing window.
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 from scipy import ndimage
 
 from zeromethod.arrays import Float, Mask
@@ -43,7 +46,7 @@ def deeper_inside_mm(surface: Surface, measured: Mask, fitted: Mask, depth_mm: f
     unknown = ~measured & ~fitted & surface.on_mirror
     if not unknown.any():
         return 0.0
-    _, (row, col) = ndimage.distance_transform_edt(~surface.valid, return_indices=True)
+    row, col = _nearest(surface.valid.tobytes(), surface.valid.shape)
     rim = row[unknown], col[unknown]
     away = np.stack([a[unknown] - a[rim] for a in (surface.x_mm, surface.y_mm)], axis=-1)
     sign = np.sign(depth_mm)
@@ -61,10 +64,23 @@ def _bent_mm(surface: Surface, unknown: Mask, away_mm: Float) -> Float:
     rows, cols = unknown.shape
     left, top, width, height = stats.T[:4]
     enclosed = (left > 0) & (top > 0) & (left + width < cols) & (top + height < rows)
+    inside = enclosed[holes[unknown]]
+    if not inside.any():
+        return np.zeros(len(away_mm))
     node_mm2 = _area(np.stack([surface.x_mm, surface.y_mm], axis=-1))[surface.valid]
     window_mm = _WINDOW_NODES * float(np.sqrt(np.nanmedian(node_mm2)))
     hidden_mm = np.maximum(np.hypot(*away_mm.T) - window_mm, 0.0)
-    return np.asarray(np.where(enclosed[holes[unknown]], 0.5 * surface.fold_per_mm * hidden_mm**2, 0.0))
+    return np.asarray(np.where(inside, 0.5 * surface.fold_per_mm * hidden_mm**2, 0.0))
+
+
+@lru_cache(maxsize=2)
+def _nearest(measured: bytes, shape: tuple[int, ...]) -> NDArray[np.int32]:
+    """Row and column (2, rows, cols) of the nearest measured node; of a mask that mostly stays."""
+    mask = np.frombuffer(measured, bool).reshape(shape)
+    found: NDArray[np.int32] = ndimage.distance_transform_edt(
+        ~mask, return_distances=False, return_indices=True
+    )
+    return found
 
 
 def _area(point: Float) -> Float:

@@ -96,6 +96,16 @@ def deepest_node(depth: Float, nodes: Mask) -> tuple[int, int]:
 
 
 @numba.njit(cache=True, error_model="numpy")
+def step_of(scale: Float, error: Float, constant: float, nodes: Mask) -> Float:
+    """Step of depth (rows, cols), mm, by its error over h, less a constant; 0 off the nodes."""
+    out = np.empty(error.shape)
+    for i in range(error.shape[0]):
+        for j in range(error.shape[1]):
+            out[i, j] = scale[i, j] * (error[i, j] - constant) if nodes[i, j] else 0.0
+    return out
+
+
+@numba.njit(cache=True, error_model="numpy")
 def together(scale: Float, of_frame: Float, systematic: Float, share: Float, depth: Float) -> Float:
     """Sigma (rows, cols) of depth by noise of depth / h, systematic errors (n, ...) and a share of depth."""
     out = np.empty(depth.shape)

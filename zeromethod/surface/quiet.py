@@ -5,8 +5,8 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from zeromethod.arrays import Float, Mask
-from zeromethod.surface.node_passes import deepest_node, diagonal
+from zeromethod.arrays import Float, Mask, Single
+from zeromethod.surface.node_passes import deepest_node
 
 _NEGLIGIBLE = 0.02
 """Share of the largest weight that is taken off all, down to 0."""
@@ -17,7 +17,7 @@ _WITHIN = 1.5
 
 
 @numba.njit(cache=True, error_model="numpy")
-def mask(one: Float, other: Float, nodes: Mask, out: Float) -> None:
+def mask(one: Float, other: Float, nodes: Mask, out: Single) -> None:
     """Both (rows, cols, n), (rows, cols, m) on these nodes, else 0, one after the other."""
     first = one.shape[2]
     for i in range(nodes.shape[0]):
@@ -32,7 +32,7 @@ def mask(one: Float, other: Float, nodes: Mask, out: Float) -> None:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def noise_of(means: Float, averaging: Float) -> Float:
+def noise_of(means: Single, averaging: Float) -> Float:
     """Variance (rows, cols) of a block's slope: both variances, third and fourth of its means, averaged."""
     rows, cols = averaging.shape
     out = np.empty((rows, cols))
@@ -43,7 +43,7 @@ def noise_of(means: Float, averaging: Float) -> Float:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def squared(means: Float, gradient: Float, multiple: float, block: int, island: Mask) -> Float:
+def squared(means: Single, gradient: Single, multiple: float, block: int, island: Mask) -> Float:
     """Square of slope less a multiple of the gradient, each the first two of its means over blocks; else 0.
 
     The gradient's third is the share of each block that has nodes.
@@ -73,12 +73,13 @@ def over_noise(slope: Float, gradient: Float, multiple: float, variance: Float, 
 
 @numba.njit(cache=True, error_model="numpy")
 def quiet_weights(
-    spread: Float, noise2: Float, constant: Float, scale: Float, x: Float, y: Float, ring: Mask, island: Mask
-) -> tuple[Float, Float, Float, Float, Float]:
+    spread: Float, noise2: Float, constant: Float, scale: Float, x: Float, y: Float, ring: Mask, island: Mask,
+    least2: float,
+) -> tuple[Float, Float, Float, Float, Float]:  # fmt: skip
     """Weights of the ring's nodes by their squared slope, at least noise2, and way from the deepest node.
 
-    All (rows, cols). And that way (2, rows, cols), its square, at least a quarter of the island's diagonal's;
-    the constants and weights (n,) of the nodes that count.
+    All (rows, cols). And that way (2, rows, cols), its square, at least `least2`, mm^2; the constants and
+    weights (n,) of the nodes that count.
     """
     weights, lever2 = np.zeros(ring.shape), np.zeros(ring.shape)
     rows, cols = ring.shape
@@ -90,15 +91,13 @@ def quiet_weights(
                 total += weights[i, j]
                 mean += weights[i, j] * constant[i, j]
     at = deepest_node(scale * (constant - mean / total), island)
-    # a single node has no extent and needs no weight
-    floor2 = (0.25 * diagonal(x, y, island)) ** 2 or 1.0
     away = np.zeros((2, rows, cols))
     largest, count = 0.0, 0
     for i in range(rows):
         for j in range(cols):
             if ring[i, j]:
                 away[0, i, j], away[1, i, j] = x[i, j] - x[at], y[i, j] - y[at]
-                lever2[i, j] = max(away[0, i, j] ** 2 + away[1, i, j] ** 2, floor2)
+                lever2[i, j] = max(away[0, i, j] ** 2 + away[1, i, j] ** 2, least2)
                 weights[i, j] /= lever2[i, j]
                 largest = max(largest, weights[i, j])
     values, heavy = np.empty(ring.size), np.empty(ring.size)

@@ -159,10 +159,10 @@ class MirrorRays:
     def look(self, depth_mm: Float, q: Float) -> Look:
         """At points at these depths (rows, cols) that look at `q` (rows, cols, 2) LCD px."""
         point, way, rest = self._points(depth_mm), self._way_per_depth, self._rest
-        slope = np.stack(rest.gradient(point[0], point[1]))
         if isinstance(rest, Flat):
-            rate = np.zeros_like(slope)
+            slope, rate = np.zeros((2, 2, *depth_mm.shape))
         else:
+            slope = np.stack(rest.gradient(point[0], point[1]))
             ahead = point[:2] + _PROBE_MM * way[:2]
             rate = (np.stack(rest.gradient(*ahead)) - slope) / _PROBE_MM
         looked_at = np.ascontiguousarray(np.moveaxis(q, -1, 0))

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cached_property
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +23,10 @@ _AROUND = np.array([-6, -3, -1, 0, 1, 3, 6])
 _BLURS, _OFF_BORDER = ((3, 3), (15, 15)), 3
 _RINGS, _ON_RING = 2, 16
 """Rings around holes, and samples on each."""
-AT_FIRST, AT_A_TIME = 25, 12
-"""Samples that are worked out at once, and in every reading after that, where a few at a time will do."""
+AT_FIRST, AT_A_TIME = 25, 8
+"""Samples by which there is a map, and those that are worked out in one reading, where a few will do."""
+_CAREFUL = 1.4
+"""Variance by another mask's samples over what it most likely is: the rough one is off by up to 15 %."""
 _LEAST_SAMPLE = 1e-6
 """Variance of a sample over the largest, at least."""
 
@@ -30,41 +35,72 @@ class Samples:
     """Exact variances at some nodes of one reading, those at which to begin first, and the map through them.
 
     Nodes next to a hole are apart: their noise is much their own, and says nothing of those around. Of each
-    ring around holes a few say by how much the map is off there.
+    ring around holes a few say by how much the map is off there. Until there are samples, the rough variance
+    is off as much as it was for another mask, and next to holes not at all, where it is too large.
     """
 
     def __init__(
         self,
         linear: LinearIntegration,
-        factor: Float,
+        make_factor: Callable[[], Float],
         correlation: Float,
         power: Float,
         anchor: Float,
         grown: Float | float = 1.0,
+        off: Float | None = None,
     ) -> None:
-        """factor, correlation: of `SlopeNoise`; power: (rows, cols) sum of both slopes' variances.
+        """make_factor: of that, and correlation, of `SlopeNoise`; power: (rows, cols) sum of its variances.
 
         anchor: weights (rows, cols) of the mean that is taken as 0. grown: depth's variance over that by the
-        noise that the integration's weights are for, about.
+        noise that the integration's weights are for, about. off: `Samples.off` of another mask.
         """
-        island = linear.island
-        self._exact = NodeVariance(linear, factor, correlation, anchor)
+        self._reading = linear, make_factor, correlation, anchor
+        self._power = power
+        self._island = island = linear.island
         rough = log_rough_variance(linear.solution, np.where(island, anchor, 0.0)) + np.log(grown)
         # nodes of holes may come back while the samples are kept
         self._rough = continue_smoothly(np.stack([rough, rough], axis=-1), island)[..., 0]
-        self._rings = _rings(island)
-        inside = island & ~np.any(self._rings, axis=0)
-        inside = inside if inside.any() else island
-        spread = sample_nodes(inside, _at_narrowest(power, inside))
-        # in no even steps, as a row may cross a ring twice
-        on_rings = [
-            on[np.unique(np.linspace(0, len(on) - 1, min(_ON_RING, len(on))).astype(np.intp))]
-            for on in map(np.flatnonzero, self._rings)
-        ]
-        self.nodes = np.concatenate([spread, *on_rings])
-        self._ends = len(spread) + np.cumsum([0, *map(len, on_rings)])
-        self._found = np.zeros(len(self.nodes))
+        self.off = off
+        """Logarithm (rows, cols) of the variance over the rough one, as it varies slowly; None: not known."""
         self.taken = 0
+
+    @cached_property
+    def _exact(self) -> NodeVariance:
+        linear, make_factor, correlation, anchor = self._reading
+        return NodeVariance(linear, make_factor(), correlation, anchor)
+
+    @cached_property
+    def _rings(self) -> list[Mask]:
+        return _rings(self._island)
+
+    @cached_property
+    def _parts(self) -> list[Ints]:
+        """Nodes to be sampled: all over the island, and on each ring."""
+        inside = self._island & ~np.any(self._rings, axis=0)
+        inside = inside if inside.any() else self._island
+        spread = sample_nodes(inside, _at_narrowest(self._power, inside))
+        # in no even steps, as a row may cross a ring twice
+        return [
+            spread,
+            *(
+                on[np.unique(np.linspace(0, len(on) - 1, min(_ON_RING, len(on))).astype(np.intp))]
+                for on in map(np.flatnonzero, self._rings)
+            ),
+        ]
+
+    @cached_property
+    def nodes(self) -> Ints:
+        """Flat numbers of all that are sampled, in turn."""
+        return np.concatenate(self._parts)
+
+    @cached_property
+    def _found(self) -> Float:
+        return np.zeros(len(self.nodes))
+
+    @property
+    def complete(self) -> bool:
+        """Whether no sample is left to be taken."""
+        return self.taken > 0 and self.taken == len(self.nodes)
 
     def take(self, most: int | None) -> None:
         """Work out at most so many more; None: all."""
@@ -73,14 +109,19 @@ class Samples:
         self.taken = end
 
     def variance(self) -> Float:
-        """Map (rows, cols) of depth / h, mm^2, by the samples so far."""
+        """Map (rows, cols) of depth / h, mm^2, by the samples so far, or by what is known of another mask."""
+        if self.taken == 0:
+            assert self.off is not None
+            return np.asarray(_CAREFUL * np.exp(self._rough + self.off))
         found = self._found[: self.taken]
         # nodes whose own depth is the anchor have none
         over = np.log(np.maximum(found, _LEAST_SAMPLE * found.max(initial=1e-30)))
         over -= self._rough.ravel()[self.nodes[: self.taken]]
-        first = min(self.taken, self._ends[0])
-        out = self._rough + thin_plate(self.nodes[:first], over[:first], *self._rough.shape)
-        for ring, start, end in zip(self._rings, self._ends[:-1], self._ends[1:], strict=True):
+        ends = np.cumsum([len(one) for one in self._parts])
+        first = min(self.taken, ends[0])
+        self.off = thin_plate(self.nodes[:first], over[:first], *self._rough.shape)
+        out = self._rough + self.off
+        for ring, start, end in zip(self._rings, ends[:-1], ends[1:], strict=True):
             if start < end <= self.taken:
                 at = self.nodes[start:end]
                 off = over[start:end] + self._rough.ravel()[at] - out.ravel()[at]

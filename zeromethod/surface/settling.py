@@ -92,13 +92,26 @@ class Settling:
             if not anchoring.fixed:
                 by_mm = anchoring.choose(read)
                 if weights is not None and anchoring.doubtful:
-                    return self.settle(q, variance, usable, None)
+                    if not anchoring.chooses_so_after(self._first_pass(q, variance, island), read):
+                        return self.settle(q, variance, usable, None)
+                    weights = None
                 _, curved_mm = look.move(by_mm * scale * island)
                 moved_mm, left_mm = np.inf, left_mm + _MOST_LEFT * abs(by_mm)
             if anchoring.fixed and max(left_mm, curved_mm) < _SETTLED_MM:
                 break
         fit = anchoring.fit or self._anchors.nodes(read, 0.0)[0]
         return Reading(depth, slope, point, steps, fit, looks)
+
+    def _first_pass(self, q: Float, variance: Float, island: Mask) -> Pass | None:
+        """The first pass of a reading from rest; None where it does not read all of the island."""
+        rest = np.zeros(island.shape)
+        look = self._rays.look(rest, q)
+        slope, point = np.moveaxis(look.slope, 0, -1), np.moveaxis(look.point, 0, -1)
+        if not np.isfinite(slope[island]).all():
+            return None
+        steps = self._integrator.steps(slope, point[..., 0], point[..., 1])
+        depth = self._anchors.scale * self._integrator.correction(steps, rest, _SOLVED)
+        return Pass(slope, variance, point, island, depth)
 
 
 def _begin(start: Start | None, island: Mask) -> tuple[Float, Float | None]:

@@ -15,6 +15,7 @@ from zeromethod.contact import ContactFigures
 from zeromethod.loop.state import State
 from zeromethod.loop.step import Step
 from zeromethod.operating.lasting import LastingState
+from zeromethod.still_busy import StillBusy
 
 STATE_COLOURS = {
     State.LOCKED: "#2e9e5b",
@@ -66,7 +67,8 @@ def contact_words(touching: Sequence[ContactFigures]) -> str:
 class LiveStatus:
     """Progress bar with state, residual, peak depth and loop time, which only a terminal shows.
 
-    Notes are printed above it, and where there is no terminal. In the states of `EXPLAINED` it shows the
+    Notes are printed above it, and where there is no terminal; there, too, that it is starting, if the first
+    frame takes long. In the states of `EXPLAINED` it shows the
     reason in place of the figures.
     """
 
@@ -90,13 +92,17 @@ class LiveStatus:
         )
         if keys and console.is_terminal:
             console.print(f"keys: {keys}", style="dim", highlight=False)
+        self._busy = StillBusy(lambda words: console.print(words, highlight=False, soft_wrap=True))
         self._task: TaskID = self._progress.add_task("", total=total, state="starting", figures="")
 
     def __enter__(self) -> LiveStatus:
         self._progress.start()
+        if not self._console.is_terminal:
+            self._busy.doing("starting: waiting for the first frame")
         return self
 
     def __exit__(self, *_: object) -> None:
+        self._busy.close()
         self._progress.stop()
 
     def say(self, *notes: str) -> None:
@@ -108,6 +114,7 @@ class LiveStatus:
 
     def update(self, step: Step, done_frames: int, values: Mapping[str, Any] | None = None) -> None:
         """Show the newest frame. values: of the run (`zeromethod.operating.run_table`), where there are."""
+        self._busy.close()
         self.say(*step.notes)
         if step.peak is not None:
             self._peak_mm = step.peak.depth_mm

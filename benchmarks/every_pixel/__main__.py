@@ -1,0 +1,208 @@
+"""Every pixel: what a moving target and windows in time read, and open loops from the same frames.
+
+On the packaged bench with a pupil of 2.5 mm, a target that steps by sixteenths, 2 grey levels of noise and 8
+bits. Narrow shapes in a view of 384 x 320 px of full size:
+
+- dents: Gaussian ones at half the depth at which they fold: the peak of the fine surface "as seen", against
+  the mirror averaged over the pupil's footprint and the lens's blur, and with both divided out, against the
+  mirror; and by an open loop that steps its phases too (the picture of the mirror at rest stays, the same
+  number of frames is fitted pixel by pixel), and by Fourier demodulation of each of its frames, averaged;
+- waves: one of 0.6 mm pitch, 0.05 um high: its height against the response predicted from footprint and
+  pixel; and one of 1.1 times the pitch of which half should be left.
+
+The whole view:
+
+- rest: depth from 60 frames, at nodes and at pixels, whether their scatter is as stated, and the largest
+  press that a matched filter finds at 100 places of it;
+- press: one of 5 nm (8 nm where the lever is short), sigma 5 mm, by a matched filter;
+- pads: sigma 5 mm at 2, 10 and 50 um, binned by 2, against open loops;
+- mean: that of 10,000 frames, with jitter, a wrong delay and the chip's fixed pattern;
+- loop: its time with the target still, moving, and read alongside.
+
+Seed by seed: with --results a part goes on from where it was stopped.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import click
+import numpy as np
+
+from benchmarks.every_pixel import parts
+from benchmarks.every_pixel.parts import DENTS, PADS_MM, REST_FRAMES, Found
+from benchmarks.every_pixel.scenes import PUPIL_MM, WAVE_HIGH_MM, WAVE_MM
+from benchmarks.report import Figure, Report, benchmark, start
+from zeromethod.atomic_write import atomic_write
+from zeromethod.fine.reader import FRAMES
+from zeromethod.view.progress import progress
+
+PARTS = "dents", "waves", "rest", "press", "pads", "mean", "loop"
+
+
+@dataclass(frozen=True)
+class Case:
+    """One measurement: a figure's name, its seed, and what measures it."""
+
+    part: str
+    name: str
+    seed: int
+    measure: Callable[[], Found]
+
+
+def cases(seeds: int, quick: bool) -> list[Case]:
+    """All of them."""
+    out, wide = [], min(seeds, 1 if quick else 20)
+    for seed in range(seeds):
+        out += [Case("dents", f"{s:g} mm", seed, partial(parts.dent, s, seed)) for s in DENTS]
+    for along_x, name in ((True, "x"), (False, "y")):
+        pitch = 1.1 * parts.half_response_mm(along_x)
+        out.append(Case("waves", name, 0, partial(parts.wave, along_x, WAVE_MM, 0)))
+        out.append(Case("waves", f"half {name} {pitch:.3f} mm", 0, partial(parts.wave, along_x, pitch, 0)))
+    for seed in range(wide):
+        out.append(Case("rest", "rest", seed, partial(parts.rest, seed)))
+        out += [Case("pads", f"{1e3 * d:g} um", seed, partial(parts.pad, d, seed)) for d in PADS_MM]
+    out += [Case("press", "press", seed, partial(parts.tiny_press, seed)) for seed in range(2 * wide)]
+    long, binning = (240, 4) if quick else (10_000, 1)
+    out.append(Case("mean", "mean", 0, partial(parts.long_mean, long, binning)))
+    out.append(Case("loop", "loop", 0, partial(parts.loop_cost, 60 if quick else 240)))
+    return out
+
+
+class Results:
+    """What was measured, by case and seed; kept in a file, if one is given, after each measurement."""
+
+    def __init__(self, file: Path | None) -> None:
+        self._file = file
+        self.found: dict[str, dict[str, Found]] = {}
+        if file is not None and file.exists():
+            self.found = json.loads(file.read_text(encoding="utf-8"))
+
+    def add(self, case: Case) -> None:
+        """Measure a case, if it was not."""
+        of = self.found.setdefault(f"{case.part}: {case.name}", {})
+        if str(case.seed) in of:
+            return
+        of[str(case.seed)] = case.measure()
+        if self._file is not None:
+            with atomic_write(self._file) as path:
+                path.write_text(json.dumps(self.found, indent=1), encoding="utf-8")
+
+    def of(self, part: str, name: str) -> dict[str, np.ndarray]:
+        """Figures of a case, (seeds,) each; empty where it was not measured."""
+        every = list(self.found.get(f"{part}: {name}", {}).values())
+        return {key: np.array([one[key] for one in every]) for key in every[0]} if every else {}
+
+    def names(self, part: str) -> list[str]:
+        """Names of a part's cases."""
+        return [key.split(": ", 1)[1] for key in self.found if key.startswith(part + ":")]
+
+
+def rms(values: np.ndarray) -> float:
+    """Of figures of several seeds."""
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def figures(found: Results) -> list[Figure]:
+    """All whose cases were measured."""
+    out: list[Figure] = []
+
+    def add(name: str, value: str, bar: str, met: bool) -> None:
+        out.append(Figure(name, value, bar, met))
+
+    for sigma_mm, (depth_mm, most_seen, most_divided) in DENTS.items():
+        of = found.of("dents", f"{sigma_mm:g} mm")
+        for name, most in (("seen", most_seen), ("divided", most_divided)) if of else ():
+            error = float(np.mean(of[name]))
+            label = f"dent of sigma {sigma_mm:g} mm, {1e3 * depth_mm:g} um: {name}, {len(of[name])} seeds"
+            add(label, f"{error:+.2f} %", f"{most:g} %", abs(error) <= most)
+    for name in found.names("waves"):
+        of = found.of("waves", name)
+        height, predicted = (float(np.mean(of[key])) for key in ("height", "predicted"))
+        label = f"wave of {1e6 * WAVE_HIGH_MM:g} nm along {name}"
+        value = f"{height:.3f} of it, predicted {predicted:.3f}"
+        half = name.startswith("half")
+        add(
+            label,
+            value,
+            "0.5" if half else "within 5 %",
+            height >= 0.5 if half else abs(height / predicted - 1) <= 0.05,
+        )
+    if of := found.of("rest", "rest"):
+        count = f"rest, {REST_FRAMES} frames, {len(of['nodes'])} seeds"
+        nodes, pixels, stated = (rms(of[key]) for key in ("nodes", "pixels", "stated"))
+        add(f"{count}: nodes", f"{nodes:.2f} nm", "0.95 nm", nodes <= 0.95)
+        add(f"{count}: pixels", f"{pixels:.2f} nm", "1.2 nm", pixels <= 1.2)
+        add(
+            f"{count}: scatter over stated sigma",
+            f"{pixels / stated:.2f}",
+            "0.85 to 1.15",
+            0.85 <= pixels / stated <= 1.15,
+        )
+        add(f"{count}: largest press found", f"{of['found'].max():.1f} sigma", "5", of["found"].max() < 5.0)
+    if of := found.of("press", "press"):
+        seen = int(np.count_nonzero(of["sigmas"] > 5.0))
+        value = f"{seen} of {len(of['sigmas'])}, least {of['sigmas'].min():.1f} sigma"
+        add("a press of 5 or 8 nm, matched filter", value, "all at 5", seen == len(of["sigmas"]))
+    for depth_mm in PADS_MM[:2]:
+        if of := found.of("pads", f"{1e3 * depth_mm:g} um"):
+            null, label = rms(of["null"]), f"pad of {1e3 * depth_mm:g} um, {len(of['null'])} seeds: null over"
+            for name, most in (("open, one frame", 1 / 3), ("open, stepping", 1.1), ("Fourier", 1.05)):
+                ratio = null / rms(of[name])
+                add(f"{label} {name}", f"{ratio:.2f}", f"{most:.2f}", ratio <= most)
+    if of := found.of("mean", "mean"):
+        for name in ("nodes", "pixels"):
+            left = float(of[name][0])
+            add(f"mean of {of['frames'][0]:.0f} frames: {name}", f"{left:.2f} nm", "0.2 nm", left <= 0.2)
+    if of := found.of("loop", "loop"):
+        for name in ("step", "fine"):
+            ratio = float(of[name][0] / of["still"][0])
+            add(
+                f"loop_ms, {name} over still ({of['still'][0]:.2f} ms)", f"{ratio:.3f}", "1.05", ratio <= 1.05
+            )
+    return out
+
+
+def table(found: Results) -> Sequence[Sequence[str]]:
+    """Errors of peaks by every method, percent: means of dents, rms of pads."""
+    methods = "seen", "divided", "raw", "null", "open", "open, stepping", "Fourier", "open, one frame"
+    rows = [["peak error, %", *methods]]
+    for part in ("dents", "pads"):
+        for name in found.names(part):
+            of = found.of(part, name)
+            size = (lambda values: float(np.mean(values))) if part == "dents" else rms
+            cells = [f"{size(of[key]):+.3f}" if key in of else "" for key in methods]
+            rows.append([f"{part[:-1]} {name}", *cells])
+    return rows if len(rows) > 1 else []
+
+
+PART = click.option(
+    "--part", "which", multiple=True, type=click.Choice(PARTS), help="Only this; may be given again."
+)
+SEEDS = click.option("--seeds", type=click.IntRange(1), help="20 unless told; 2 with --quick.")
+RESULTS = click.option(
+    "--results",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="JSON file that keeps each seed's figures: what it has is not measured again.",
+)
+
+
+@benchmark("every_pixel", __doc__, PART, SEEDS, RESULTS)
+def command(quick: bool, which: tuple[str, ...], seeds: int | None, results: Path | None) -> Report:
+    """Measure all parts."""
+    found, seeds = Results(results), seeds or (2 if quick else 20)
+    wanted = [case for case in cases(seeds, quick) if case.part in (which or PARTS)]
+    with progress(len(wanted)) as advance:
+        for case in wanted:
+            found.add(case)
+            advance(f"{case.part} {case.name}")
+    title = f"Every pixel: {FRAMES} frames, pupil {PUPIL_MM:g} mm"
+    return Report(title, figures(found), table(found), {"found": found.found})
+
+
+if __name__ == "__main__":
+    start(command)

@@ -1,0 +1,211 @@
+"""What is measured, part by part: each function's figures are of one seed."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+
+import numpy as np
+
+from benchmarks.every_pixel.scenes import (
+    OPEN_GAIN,
+    PRESS_S,
+    FourierReader,
+    bench_rig,
+    held,
+    predicted_height,
+    seen_peak_mm,
+    wave_height,
+    waved,
+)
+from benchmarks.rigs import changed, opened, pressed
+from zeromethod.arrays import Float, Single
+from zeromethod.errors import InputError
+from zeromethod.fine.reader import FRAMES, FineReader
+from zeromethod.fine.surface import FineSurface
+from zeromethod.optics import Optics
+from zeromethod.rig.load import load_rig
+from zeromethod.session.fine import FineReadings, frame_of, with_moving_target
+from zeromethod.surface import SurfaceReader, peak
+
+Found = dict[str, float]
+
+DENTS: dict[float, tuple[float, float, float]] = {
+    0.3: (1.1e-3, 1.0, 2.0), 0.5: (3e-3, 0.5, 1.0), 1.0: (12e-3, 0.3, 0.3), 1.5: (27e-3, 0.3, 0.3),
+}  # fmt: skip
+"""Sigma in mm: depth in mm, half of that of the fold; largest error as seen, and divided, percent."""
+PADS_MM = (2e-3, 1e-2, 5e-2)
+REST_FRAMES = 60
+PAD_SIGMA_MM = 5.0
+_BLOCK_PX = 8
+_DELAY_WRONG_S = 1e-4
+_PLACES = 100
+"""Places of an untouched mirror at which a press is looked for, each seed."""
+
+
+def dent(sigma_mm: float, seed: int) -> Found:
+    """Errors of a narrow dent's peak, percent."""
+    depth_mm, errors = DENTS[sigma_mm][0], {}
+    for gain in (1.0, OPEN_GAIN):
+        path = [(PRESS_S, 0.0), (PRESS_S, depth_mm)]
+        with pressed(bench_rig(seed, gain=gain), path, sigma_mm) as narrow:
+            one = held(narrow)
+        divided = 100 * (one.read().peak[0] / depth_mm - 1)
+        if gain == 1.0:
+            raw = one.read(divide=False)
+            errors["divided"], errors["raw"] = divided, 100 * (raw.peak[0] / depth_mm - 1)
+            errors["seen"] = 100 * (raw.peak[0] / seen_peak_mm(one, raw) - 1)
+        else:
+            errors["open"] = divided
+            errors["Fourier"] = 100 * (one.read(FourierReader).peak[0] / depth_mm - 1)
+    return errors
+
+
+def wave(along_x: bool, wave_mm: float, seed: int) -> Found:
+    """Height of a wave, and what footprint, lens and pixel leave of it."""
+    with waved(bench_rig(seed), along_x, wave_mm) as rig:
+        one = held(rig)
+    predicted = predicted_height(one.rig, one.optics, along_x, wave_mm)
+    return {"height": wave_height(one, along_x, wave_mm), "predicted": predicted}
+
+
+def half_response_mm(along_x: bool) -> float:
+    """Pitch of the wave of which pupil, lens and pixel leave half."""
+    rig = bench_rig(0)
+    optics, shortest, longest = Optics(rig), 0.05, 2.0
+    while longest / shortest > 1.0001:
+        middle = (shortest * longest) ** 0.5
+        enough = predicted_height(rig, optics, along_x, middle) > 0.5
+        shortest, longest = (shortest, middle) if enough else (middle, longest)
+    return longest
+
+
+def rest(seed: int) -> Found:
+    """Depth of the whole view untouched, nm rms, and the largest press that is found in it, in sigmas."""
+    rig = bench_rig(seed, view=None).model_copy(update={"scenario": "none"})
+    surface = held(rig, REST_FRAMES).read(divide=False)
+    coarse, rng = surface.coarse, np.random.default_rng(seed)
+    places = np.stack([rng.uniform(20.0, 62.0, _PLACES), rng.uniform(-8.0, 8.0, _PLACES)], axis=-1)
+    fields = (
+        coarse.depth_mm[coarse.valid],
+        surface.depth_mm[surface.valid],
+        surface.sigma_depth_mm[surface.valid],
+    )
+    nodes, pixels, stated = (1e6 * float(np.sqrt(np.mean(one.astype(float) ** 2))) for one in fields)
+    found = max(abs(pressed_sigmas(surface, x, y)) for x, y in places)
+    return {"nodes": nodes, "pixels": pixels, "stated": stated, "found": found}
+
+
+def tiny_press(seed: int) -> Found:
+    """Sigmas at which a press of 5 nm, 8 nm where the lever is shorter, is found where it is."""
+    rng = np.random.default_rng(seed)
+    x, y = float(rng.uniform(20.0, 62.0)), float(rng.uniform(-8.0, 8.0))
+    depth_mm = 5e-6 if x >= 30.0 else 8e-6
+    path = [(PRESS_S, 0.0), (PRESS_S, depth_mm)]
+    with pressed(bench_rig(seed, view=None), path, PAD_SIGMA_MM, (x, y)) as rig:
+        surface = held(rig, REST_FRAMES).read(divide=False)
+    return {"sigmas": pressed_sigmas(surface, x, y), "x_mm": x}
+
+
+def pressed_sigmas(surface: FineSurface, x_mm: float, y_mm: float) -> float:
+    """Depth of a pad at a place by the matched filter of its slopes, over its standard deviation.
+
+    Slopes of pixels are independent; a tilt of the whole view is left open.
+    """
+    rows, cols = (n // _BLOCK_PX * _BLOCK_PX for n in surface.valid.shape)
+
+    def mean(field: Single) -> Float:
+        cut = (
+            field[:rows, :cols]
+            .astype(float)
+            .reshape(rows // _BLOCK_PX, _BLOCK_PX, cols // _BLOCK_PX, _BLOCK_PX)
+        )
+        return np.asarray(cut.mean(axis=(1, 3)))
+
+    x, y = mean(surface.x_mm) - x_mm, mean(surface.y_mm) - y_mm
+    pad = np.exp(-0.5 * (x**2 + y**2) / PAD_SIGMA_MM**2) / PAD_SIGMA_MM**2
+    normal, right = np.zeros((3, 3)), np.zeros(3)
+    for axis, shape in ((0, -x * pad), (1, -y * pad)):
+        slope, variance = (
+            mean(surface.slope[..., axis]),
+            mean(surface.sigma_slope[..., axis] ** 2) / _BLOCK_PX**2,
+        )
+        known = np.isfinite(slope + variance)
+        terms = np.zeros((np.count_nonzero(known), 3))
+        terms[:, 0], terms[:, 1 + axis] = shape[known], 1.0
+        weighted = terms / variance[known][:, None]
+        normal += weighted.T @ terms
+        right += weighted.T @ slope[known]
+    covariance = np.linalg.inv(normal)
+    return float((covariance @ right)[0] / np.sqrt(covariance[0, 0]))
+
+
+def pad(depth_mm: float, seed: int) -> Found:
+    """Errors of a pad's peak, percent: of the null, of an open loop that steps, and of one frame of it."""
+    errors = {}
+    for gain in (1.0, OPEN_GAIN):
+        rig = bench_rig(seed, view=None, binning=2, gain=gain)
+        with pressed(rig, [(PRESS_S, 0.0), (PRESS_S, depth_mm)], PAD_SIGMA_MM) as wide:
+            one = held(wide)
+        error = 100 * (one.read(divide=False).peak[0] / depth_mm - 1)
+        errors["null" if gain == 1.0 else "open, stepping"] = error
+        if gain != 1.0:
+            fourier = one.read(FourierReader, divide=False)
+            errors["Fourier"] = 100 * (fourier.peak[0] / depth_mm - 1)
+            single = SurfaceReader(one.rig, one.optics, one.grid).read(one.frames[-1].measured)
+            errors["open, one frame"] = 100 * (peak(single).depth_mm / depth_mm - 1)
+    return errors
+
+
+def long_mean(frames: int, binning: int) -> Found:
+    """Rms of the mean depth of many frames at rest, nm, plane included.
+
+    The clocks jitter by 0.1 ms, the delay is 0.1 ms more than the rig file says, and the chip has a fixed
+    pattern of 1 % and 1 grey level.
+    """
+    rig = bench_rig(0, view=None, binning=binning).model_copy(update={"scenario": "none"})
+    nuisances = {"pixel_gain": 0.01, "pixel_offset_grey": 1.0}
+    true = changed(
+        rig, simulation={"nuisances": nuisances, "camera_jitter_s": 1e-4, "display_jitter_s": 1e-4}
+    )
+    true = changed(true, display={"latency_s": rig.display.latency_s + _DELAY_WRONG_S})
+    total: dict[str, Float] = {}
+    kept, count = [], 0
+    with opened(rig, true) as bench:
+        reader = FineReader(rig, bench.optics, bench.loop.grid, divide=False)
+        for number, step in enumerate(bench.loop.run(frames=FRAMES + frames + 4)):
+            frame = frame_of(step)
+            if frame is None or number < FRAMES:
+                continue
+            kept.append(frame)
+            if len(kept) < FRAMES:
+                continue
+            try:
+                surface = reader.read(kept)
+            except InputError:  # frames whose phases do not determine a pixel
+                continue
+            finally:
+                kept.clear()
+            count += 1
+            for name, depth in (("nodes", surface.coarse.depth_mm), ("pixels", surface.depth_mm)):
+                total[name] = total.get(name, 0.0) + depth.astype(float)
+    rms = {name: 1e6 * float(np.sqrt(np.nanmean((one / count) ** 2))) for name, one in total.items()}
+    return {**rms, "frames": float(count * FRAMES)}
+
+
+def loop_cost(frames: int) -> Found:
+    """Median time of the loop, ms: target at rest, moving, and moving with fine surfaces read alongside."""
+    rig = load_rig("simulated").model_copy(update={"scenario": "none"})
+    times: dict[str, list[float]] = {"still": [], "step": [], "fine": []}
+    with ExitStack() as stack:
+        benches = {name: stack.enter_context(opened(rig if name == "still" else with_moving_target(rig)))
+                   for name in times}  # fmt: skip
+        one = benches["fine"]
+        readings = FineReadings(one.rig, one.optics, one.loop.grid, one.truth)
+        stack.enter_context(readings.in_own_process())
+        runs = {name: bench.loop.run(frames=frames) for name, bench in benches.items()}
+        for steps in zip(*runs.values(), strict=True):
+            for name, step in zip(runs, steps, strict=True):
+                times[name].append(step.loop_ms)
+            readings.add(steps[-1])
+            readings.collect()
+    return {name: float(np.median(values[frames // 4 :])) for name, values in times.items()}
