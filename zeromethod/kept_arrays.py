@@ -42,7 +42,8 @@ def kept_arrays(
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         with atomic_write(file) as part, part.open("wb") as out:
-            np.savez(out, **made)
+            named: dict[str, Any] = made
+            np.savez(out, **named)
     except OSError:
         # a folder that cannot be written costs the same time again in the next process
         pass
