@@ -21,8 +21,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from zeromethod.arrays import Float
+from zeromethod.contact import load_slopes, slope_blocks
 from zeromethod.contact.contact import Contact
-from zeromethod.contact.load_slopes import load_slopes, normal_equations
 from zeromethod.contact.loads import SHAPES, Loads
 from zeromethod.contact.median import median
 from zeromethod.contact.slope_blocks import SlopeBlocks
@@ -68,6 +68,9 @@ class ForceReader:
     def __init__(self, rig: Rig) -> None:
         self._yielding = Yielding.of(rig)
         self._geometry = rig.geometry
+        if self._yielding is not None:
+            for module in (load_slopes, slope_blocks):
+                module.compile_ahead()
 
     def read(self, surface: Surface, contacts: Sequence[Contact]) -> tuple[tuple[Contact, ...], TotalForce]:
         """The contacts with their forces and torques, and the sum; NaN where too little is read around them.
@@ -111,7 +114,9 @@ class ForceReader:
         wanted = (blocks.slope * weight).ravel()
         trust = np.ones(wanted.size)
         for _ in range(_PASSES):
-            fit = _regular(*normal_equations(weighted * trust[:, None], wanted * trust), len(loads))
+            fit = _regular(
+                *load_slopes.normal_equations(weighted * trust[:, None], wanted * trust), len(loads)
+            )
             left = np.abs(wanted - np.einsum("nt,t->n", weighted, fit.mean))
             usual = max(median(left) / _MEDIAN, 1.0)
             # slopes beside a border, where the mirror may fold, can be off by any amount
@@ -121,7 +126,7 @@ class ForceReader:
     def _terms(self, load: Loads, at_mm: Float) -> Float:
         """(n, 2, SHAPES) mean slopes at points (n, 4, 2) by one contact; the body adds to its net force."""
         assert self._yielding is not None
-        slopes = load_slopes(load, at_mm)
+        slopes = load_slopes.load_slopes(load, at_mm)
         middle = np.einsum("c,ck->k", load.forces[0], load.cells)
         added = self._yielding.added_slopes(at_mm.reshape(-1, 2), middle)
         if added is not None:

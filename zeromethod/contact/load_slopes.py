@@ -80,3 +80,10 @@ def normal_equations(terms: Float, wanted: Float) -> tuple[Float, Float]:
                 normal[t, u] += terms[n, t] * terms[n, u]
             right[t] += terms[n, t] * wanted[n]
     return normal, right
+
+
+def compile_ahead() -> None:
+    """Have the compiled functions ready before the first contact."""
+    line, place = np.ones(1), np.ones(2)
+    _slopes(np.ones((1, 4, 2)), np.zeros((1, 2)), line, np.ones((1, SHAPES)), np.array([0, 1]), place, line)
+    normal_equations(np.ones((1, 1)), line)

@@ -38,9 +38,11 @@ class SlopeBlocks:
     def of(cls, surface: Surface, contacts: Sequence[Contact]) -> SlopeBlocks:
         """All valid nodes of a surface, in blocks; those alone come first."""
         middles = np.array([(c.x_mm, c.y_mm, c.major_mm / 2, c.minor_mm + _NEAR_MM) for c in contacts])
+        place = surface.x_mm[..., None], surface.y_mm[..., None]
         sums = _summed(
-            surface.slope, surface.sigma_slope, surface.x_mm, surface.y_mm, surface.valid, middles, _LARGEST
-        )
+            np.concatenate([surface.slope, surface.sigma_slope, *place], axis=-1),
+            surface.valid.copy(), middles, _LARGEST,
+        )  # fmt: skip
         sums = sums[sums[:, 0] > 0]
         mean = sums[:, 1:] / sums[:, :1]
         spread = np.maximum(mean[:, 2:4] - mean[:, :2] ** 2, 0.0)
@@ -51,11 +53,10 @@ class SlopeBlocks:
 
 
 @numba.njit(cache=True, nogil=True)
-def _summed(
-    slope: Float, sigma: Float, x_mm: Float, y_mm: Float, valid: Mask, middles: Float, largest: int
-) -> Float:
+def _summed(read: Float, valid: Mask, middles: Float, largest: int) -> Float:
     """(blocks, 9) sums over the nodes of each block, some of them without nodes.
 
+    read: (rows, cols, 6) slopes, their standard deviations, x, y.
     Sums of weights, and of weights times x, y, x^2, y^2, slopes and variance times weight.
     middles: (contacts, 4) x, y, half size, and reach beyond it.
     """
@@ -68,9 +69,9 @@ def _summed(
     sums = np.zeros((starts[-1], _SUMS))
     for i in range(rows):
         for j in range(cols):
-            if not (valid[i, j] and np.isfinite(sigma[i, j, 0] + sigma[i, j, 1])):
+            if not (valid[i, j] and np.isfinite(read[i, j, 2] + read[i, j, 3])):
                 continue
-            x, y = x_mm[i, j], y_mm[i, j]
+            x, y = read[i, j, 4], read[i, j, 5]
             away = np.inf
             for k in range(len(middles)):
                 beyond = np.hypot(x - middles[k, 0], y - middles[k, 1]) - middles[k, 2]
@@ -79,13 +80,18 @@ def _summed(
             while side < largest and away > side:
                 level, side = level + 1, side * 2
             block = sums[starts[level] + (i // side) * ((cols + side - 1) // side) + j // side]
-            weight = 2.0 / (sigma[i, j, 0] ** 2 + sigma[i, j, 1] ** 2)
+            weight = 2.0 / (read[i, j, 2] ** 2 + read[i, j, 3] ** 2)
             block[0] += weight
             block[1] += weight * x
             block[2] += weight * y
             block[3] += weight * x * x
             block[4] += weight * y * y
             for c in range(2):
-                block[5 + c] += weight * slope[i, j, c]
-                block[7 + c] += weight * weight * sigma[i, j, c] ** 2
+                block[5 + c] += weight * read[i, j, c]
+                block[7 + c] += weight * weight * read[i, j, 2 + c] ** 2
     return sums
+
+
+def compile_ahead() -> None:
+    """Have the compiled function ready before the first contact."""
+    _summed(np.ones((1, 1, 6)), np.ones((1, 1), np.bool_), np.ones((1, 4)), _LARGEST)
