@@ -42,6 +42,10 @@ STILL_SHARE, SUDDEN_FRAMES = 0.75, 2
 """Share of nodes that do not move in a still mirror; and frames after which it must be still again. Between
 two still ones all of the view may have jumped by whole periods and a little, and shows the little alone."""
 
+BENT_SHARE = 0.8
+"""How far nodes are from where a picture displaced as a whole would have them, over how far they moved, from
+which a press bent it; medians. A finger in a small view has 1.2, a dent much wider than the view 0.7."""
+
 ALIKE_PX = 0.05
 """How far pictures at rest may differ, LCD px, and what their mixture does, camera px, to count as one."""
 
@@ -127,7 +131,7 @@ class OrderCheck:
         if self._kept is None:
             quiet, jumped = _changes(residual.d, known.residual_px, residual.flags, QUIET_PX, jump_px)
             jumps = jumped > JUMPED_SHARE and quiet < JUMPED_QUIET_SHARE
-            moves = self._still and quiet < JUMPED_QUIET_SHARE
+            moves = self._still and quiet < JUMPED_QUIET_SHARE and self._as_one_piece(residual, known)
             self._still = quiet > STILL_SHARE
             if quiet > QUIET_SHARE or not (interrupted or jumps or moves):
                 return None
@@ -146,6 +150,17 @@ class OrderCheck:
             self._settle(observation, residual, quiet > STILL_SHARE)
             return None
         return self._compare(observation, residual, known)
+
+    def _as_one_piece(self, residual: Residual, known: Known) -> bool:
+        """Whether the picture was displaced, turned and stretched more than bent, which a press does."""
+        good: Mask = (residual.flags == 0) & np.isfinite(known.residual_px[..., 0])
+        change = (residual.d - known.residual_px)[good]
+        if not len(change):
+            return False
+        terms = np.column_stack([np.ones(len(change)), self._from_middle[good]])
+        bent = change - terms @ np.linalg.lstsq(terms, change, rcond=None)[0]
+        moved, off = (np.median(np.abs(one).max(axis=1)) for one in (change, bent))
+        return bool(off < BENT_SHARE * moved)
 
     def _settle(self, observation: Observation, residual: Residual, still: bool) -> None:
         """Take in a frame after one in which all of the view moved a little: by that, or by periods more."""
