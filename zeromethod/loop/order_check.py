@@ -42,9 +42,9 @@ STILL_SHARE, SUDDEN_FRAMES = 0.75, 2
 """Share of nodes that do not move in a still mirror; and frames after which it must be still again. Between
 two still ones all of the view may have jumped by whole periods and a little, and shows the little alone."""
 
-BENT_SHARE = 0.8
+BENT_SHARE = 0.65
 """How far nodes are from where a picture displaced as a whole would have them, over how far they moved, from
-which a press bent it; medians. A finger in a small view has 1.2, a dent much wider than the view 0.7."""
+which a press bent it; medians. A finger in a small view has 0.76, a dent much wider than the view 0.44."""
 
 ALIKE_PX = 0.05
 """How far pictures at rest may differ, LCD px, and what their mixture does, camera px, to count as one."""
