@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from planted_dents import DENTS, RADIUS_MM, ball, punch, round_contact
 from zeromethod import InputError, load_rig
 from zeromethod.arrays import Float
 from zeromethod.contact import ForceReader
+from zeromethod.contact.adhesion import work_of_adhesion
 from zeromethod.contact.load_slopes import load_slopes
 from zeromethod.contact.loads import Loads
 from zeromethod.mechanics.layer import wave_share
@@ -171,3 +173,14 @@ def test_fast_slopes_are_those_of_all_cells():
 def test_a_modulus_below_zero_is_refused():
     with pytest.raises(InputError, match="youngs_modulus_mpa"):
         rig(youngs_modulus_mpa=-1.0)
+
+
+def test_force_and_outline_of_a_ball_that_sticks_give_its_work_of_adhesion():
+    """JKR, doi:10.1098/rspa.1971.0141: force and radius of contact planted for 50 mJ/m^2."""
+    radius_mm, a, work = 5.0, 0.6, 0.05e-3
+    force_n = 4 * E_STAR * a**3 / (3 * radius_mm) - np.sqrt(8 * np.pi * work * E_STAR * a**3)
+    contact = replace(
+        round_contact(radius_mm=a), force_n=float(force_n), sigma_force_n=1e-4, sigma_area_mm2=1e-3
+    )
+    found, sigma = work_of_adhesion(contact, radius_mm, E_STAR)
+    assert abs(found - 0.05) < 3 * sigma < 0.02
