@@ -45,9 +45,12 @@ def test_packaged_rigs_load_by_bare_name_and_by_path(name):
     assert {"simulated", "paper"} <= set(packaged_rigs())
 
 
-@pytest.mark.parametrize(("name", "reason"), [("nowhere.toml", "No such file or directory"), ("", "Is a")])
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [("nowhere.toml", "cannot be read: No such file or directory"), ("", "a folder: give a")],
+)
 def test_a_file_that_cannot_be_read_is_named(tmp_path, name, reason):
-    with pytest.raises(InputError, match=f"{name}: cannot be read: {reason}"):
+    with pytest.raises(InputError, match=f"{name}.*: {reason}"):
         load_rig(tmp_path / name)
 
 

@@ -122,6 +122,10 @@ class SlopeNoise:
         return out
 
 
+_MOST_GUESSES = 4
+"""Masks in turn that go by another one's samples."""
+
+
 class _Map:
     """Variance of depth by the samples of one mask and set of weights, rescaled while these are kept."""
 
@@ -133,9 +137,12 @@ class _Map:
         x_mm: Float,
         y_mm: Float,
         weights: Float,
-        off: Float | None,
+        earlier: _Map | None,
     ) -> None:
-        """Begin samples, for this reading's mask and noise; arguments as of `DepthNoise.sigma`, `Samples`."""
+        """Begin samples, for this reading's mask and noise; arguments as of `DepthNoise.sigma`, `Samples`.
+
+        earlier: that of another mask, which says what the rough variance is off by.
+        """
         island = integrator.island.copy()
         self._noise = noise = noise.on(island)
         # weights are kept from other noise
@@ -144,31 +151,39 @@ class _Map:
         grown = _grown(power, kept, both, _known_sums(both), weights)
         linear = integrator.linear(x_mm, y_mm)
         self._samples: Samples | None = Samples(
-            linear, lambda: noise.factor, noise.correlation, power, weights, grown, off
-        )
-        self.off = off
-        self._mask, self._power, self._weighting = island, power.copy(), integrator.weighting
+            linear, lambda: noise.factor, noise.correlation, power, weights, grown,
+            None if earlier is None else earlier.off, None if earlier is None else earlier.mask,
+        )  # fmt: skip
+        self.off: Float | None = None if earlier is None else earlier.off
+        self._guesses: int = 0 if earlier is None or earlier.sampled else earlier._guesses + 1
+        self.mask: Mask = island
+        self._power, self._weighting = power.copy(), integrator.weighting
         self._first = self._anchor = weights.copy()
         self._blocks = _blocks(weights, _block_size(island.shape))
         self._both, self._known = island, _known_sums(island)
         self._sampled = self._variance = np.zeros(island.shape)
         self._shift: Float | float = 0.0
 
+    @property
+    def sampled(self) -> bool:
+        """Whether samples of its own were taken."""
+        return self._samples is None or self._samples.taken > 0
+
     def fits(self, power: Float, island: Mask, weighting: int) -> bool:
         """Whether it may be kept for this mask and noise."""
         if self._weighting != weighting:
             return False
-        both, all_nodes = (np.count_nonzero(one) for one in (island & self._mask, island | self._mask))
+        both, all_nodes = (np.count_nonzero(one) for one in (island & self.mask, island | self.mask))
         if both < (1.0 - _KEEP_SHARE) * all_nodes or not both:
             return False
-        if np.count_nonzero(island & ~self._mask) > _KEEP_BACK * all_nodes:
+        if np.count_nonzero(island & ~self.mask) > _KEEP_BACK * all_nodes:
             return False
         changed = share_changed(power.ravel(), self._power.ravel(), island.ravel(), _KEEP_FACTOR**2)
         return changed <= _KEEP_CHANGED
 
     def variance(self, power: Float, island: Mask) -> Float:
         """Variance (rows, cols) of depth / h, mm^2, by the noise of this reading."""
-        both = island & self._mask
+        both = island & self.mask
         if not np.array_equal(both, self._both):
             self._both, self._known = both, _known_sums(both)
         return np.asarray(_grown(power, self._power, both, self._known, self._anchor) * self._variance)
@@ -176,13 +191,14 @@ class _Map:
     def take(self, at_once: bool) -> None:
         """Work out some samples more, or all; the map is made before the first, with some, and with all.
 
-        In the reading with which it begins none are, where another mask's are known.
+        In the reading with which it begins none are, where another mask's are known; of masks that change
+        from reading to reading every few ones are.
         """
         samples = self._samples
         if samples is None:
             return
         made, before = self._variance.any(), samples.taken
-        if at_once or made or self.off is None:
+        if at_once or made or self.off is None or self._guesses >= _MOST_GUESSES:
             samples.take(None if at_once else AT_A_TIME if made else AT_FIRST)
         if not made or before < AT_FIRST <= samples.taken or samples.complete:
             self._sampled = samples.variance()
@@ -254,8 +270,7 @@ class DepthNoise:
         if kept is None or kept is self._earlier:
             self._earlier = self._map
         if kept is None:
-            off = None if self._earlier is None else self._earlier.off
-            kept = _Map(integrator, noise, power, x_mm, y_mm, weights, off)
+            kept = _Map(integrator, noise, power, x_mm, y_mm, weights, self._earlier)
         else:
             kept.move_anchor(integrator, x_mm, y_mm, weights)
         self._map = kept

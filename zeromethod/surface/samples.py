@@ -27,6 +27,8 @@ AT_FIRST, AT_A_TIME = 25, 8
 """Samples by which there is a map, and those that are worked out in one reading, where a few will do."""
 _CAREFUL = 1.4
 """Variance by another mask's samples over what it most likely is: the rough one is off by up to 15 %."""
+_CHANGED = 0.1
+"""Share of nodes that came or went from which that holds; masks that flicker by a few are off alike."""
 _LEAST_SAMPLE = 1e-6
 """Variance of a sample over the largest, at least."""
 
@@ -48,11 +50,12 @@ class Samples:
         anchor: Float,
         grown: Float | float = 1.0,
         off: Float | None = None,
+        other: Mask | None = None,
     ) -> None:
         """make_factor: of that, and correlation, of `SlopeNoise`; power: (rows, cols) sum of its variances.
 
         anchor: weights (rows, cols) of the mean that is taken as 0. grown: depth's variance over that by the
-        noise that the integration's weights are for, about. off: `Samples.off` of another mask.
+        noise that the integration's weights are for, about. off: `Samples.off` of another mask, `other`.
         """
         self._reading = linear, make_factor, correlation, anchor
         self._power = power
@@ -62,6 +65,8 @@ class Samples:
         self._rough = continue_smoothly(np.stack([rough, rough], axis=-1), island)[..., 0]
         self.off = off
         """Logarithm (rows, cols) of the variance over the rough one, as it varies slowly; None: not known."""
+        changed = 1.0 if other is None else np.count_nonzero(other != island) / np.count_nonzero(island)
+        self._careful = 1 + (_CAREFUL - 1) * min(changed / _CHANGED, 1.0)
         self.taken = 0
 
     @cached_property
@@ -112,7 +117,7 @@ class Samples:
         """Map (rows, cols) of depth / h, mm^2, by the samples so far, or by what is known of another mask."""
         if self.taken == 0:
             assert self.off is not None
-            return np.asarray(_CAREFUL * np.exp(self._rough + self.off))
+            return np.asarray(self._careful * np.exp(self._rough + self.off))
         found = self._found[: self.taken]
         # nodes whose own depth is the anchor have none
         over = np.log(np.maximum(found, _LEAST_SAMPLE * found.max(initial=1e-30)))
