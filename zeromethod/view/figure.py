@@ -193,7 +193,8 @@ def draw_outlines(axis: Axes, contacts: Sequence[Contact]) -> None:
     for contact in contacts:
         axis.plot(*closed(contact.outline_mm).T, "k-", linewidth=0.8)
         force = f": {contact.force_n:.3f} N" if np.isfinite(contact.force_n) else ""
-        axis.annotate(f"{contact.id}{force}", (contact.x_mm, contact.y_mm), ha="center", va="center")
+        above = contact.x_mm, contact.y_mm + contact.major_mm / 2
+        axis.annotate(f"{contact.id}{force}", above, ha="center", va="bottom")
 
 
 def _draw_images(axes: Sequence[Axes], contacts: Sequence[Contact]) -> None:
