@@ -9,7 +9,8 @@ from zeromethod.rig.load import load_rig
 from zeromethod.rubber.correction import mirror_response
 from zeromethod.rubber.prism import HeldPrism
 from zeromethod.surface.far_field import BodyOnNodes, fit_far_field
-from zeromethod.surface.far_field_laws import Nodes, centre
+from zeromethod.surface.far_field_laws import Nodes
+from zeromethod.surface.far_field_starts import centre
 
 X, Y = np.meshgrid(np.linspace(20.0, 64.0, 80), np.linspace(-18.0, 18.0, 66))
 H = (X + 20.0) / 62.0

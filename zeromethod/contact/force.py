@@ -23,16 +23,13 @@ import numpy as np
 from zeromethod.arrays import Float
 from zeromethod.contact import load_slopes, slope_blocks
 from zeromethod.contact.contact import Contact
-from zeromethod.contact.loads import SHAPES, Loads
+from zeromethod.contact.loads import SHAPES, Loads, shares
 from zeromethod.contact.median import median
 from zeromethod.contact.slope_blocks import SlopeBlocks
 from zeromethod.mechanics.yielding import Yielding
 from zeromethod.rig.model import Rig
 from zeromethod.surface import Surface
 
-_OPEN = 0.7
-"""Standard deviation, before anything was read, of the share of force that presses otherwise than a ball
-does: 1 for a punch or a cone, and a ball is between the two."""
 _FEWEST = 24
 _PASSES = 3
 _MEDIAN = 0.6745
@@ -170,16 +167,8 @@ def _summed(fit: _Fit, arms: Float) -> tuple[Float, Float]:
 
 
 def _regular(normal: Float, right: Float, count: int) -> _Fit:
-    """Shares of the pressures; those without a net force as large as the slopes need, not more."""
-    force = np.arange(0, SHAPES * count, SHAPES)
-    alone = np.concatenate([force, [-2, -1]])
+    """Shares of the pressures of so many contacts, of which balls alone say how large the forces are."""
+    alone = np.concatenate([np.arange(0, SHAPES * count, SHAPES), [-2, -1]])
     newtons = np.linalg.solve(normal[np.ix_(alone, alone)], right[alone])[:count]
-    for _ in range(_PASSES):
-        known = normal.copy()
-        for k, own in zip(force, newtons, strict=True):
-            shapes = np.arange(k + 1, k + SHAPES)
-            known[shapes, shapes] += 1 / max((_OPEN * float(own)) ** 2, 1e-30)
-        mean = np.linalg.solve(known, right)
-        largest = np.abs(mean[: SHAPES * count]).reshape(-1, SHAPES).max(axis=1)
-        newtons = np.maximum(np.abs(newtons), largest)
-    return _Fit(np.asarray(mean, np.float64), np.asarray(np.linalg.inv(known), np.float64))
+    mean, known = shares(normal, right, newtons)
+    return _Fit(mean, np.asarray(np.linalg.inv(known), np.float64))

@@ -18,12 +18,9 @@ import numpy as np
 from zeromethod.arrays import Float, Mask
 from zeromethod.contact.contact import Contact
 from zeromethod.contact.in_mm import MirrorPlaces
-from zeromethod.contact.loads import SHAPES, Loads
+from zeromethod.contact.loads import SHAPES, Loads, shares
 from zeromethod.surface import Surface
 
-_OPEN = 0.7
-"""Standard deviation, before anything was read, of the share of force that presses otherwise than a ball
-does: 1 for a punch or a cone, and a ball is between the two."""
 _BODY = 0.03
 """What the half-space and the cells leave open of a pressure's dent, relative."""
 _ALIKE = 10.0
@@ -139,18 +136,10 @@ def _fitted(loads: list[Loads], at_mm: Float, depth: Float, sigma: Float) -> _Fi
     count = terms.shape[1]
     force = np.arange(0, SHAPES * len(loads), SHAPES)
     alone = np.concatenate([force, np.arange(SHAPES * len(loads), count)])
-    # balls alone say how large the forces are, and so how much is open; of those that stick it is the parts'
-    newtons = np.linalg.lstsq(terms[:, alone], wanted, rcond=None)[0][: len(loads)]
+    # balls alone say how large the forces are, and so how much is open
+    newtons: Float = np.linalg.lstsq(terms[:, alone], wanted, rcond=None)[0][: len(loads)]
     normal = np.einsum("nt,nu->tu", terms, terms)
-    for _ in range(_PASSES):
-        known = normal.copy()
-        for k, own in zip(force, newtons, strict=True):
-            shapes = np.arange(k + 1, k + SHAPES)
-            known[shapes, shapes] += _ALIKE / max((_OPEN * float(own)) ** 2, 1e-30)
-        mean = np.linalg.solve(known, (terms * wanted[:, None]).sum(axis=0))
-        newtons = np.maximum(
-            np.abs(newtons), np.abs(mean[: SHAPES * len(loads)]).reshape(-1, SHAPES).max(axis=1)
-        )
+    mean, known = shares(normal, (terms * wanted[:, None]).sum(axis=0), newtons, _ALIKE)
     left = float(((wanted - (terms * mean).sum(axis=1)) ** 2).sum()) / max(len(depth) - count, 1)
     return blank._replace(mean=mean, spread=_ALIKE * max(left, 1.0) * np.linalg.inv(known))
 

@@ -16,6 +16,10 @@ from zeromethod.contact.polygon import evenly
 SHAPES = 8
 """Pressures of a contact; the first is a ball's, the others sum up to no force."""
 _RINGS, _RAYS = 9, 40
+_OPEN = 0.7
+"""Standard deviation, before anything was read, of the share of force that presses otherwise than a ball
+does: 1 for a punch or a cone, and a ball is between the two."""
+_PASSES = 3
 _OWN = 0.2837
 """A cell acts on itself as from that share of its side: the mean of 1 / distance over a square."""
 
@@ -81,3 +85,21 @@ class Loads:
 def _products(near: Float, forces: Float) -> Float:
     """(n, SHAPES) sums over cells. Not by the linear algebra library: its threads change the last bit."""
     return np.asarray(np.einsum("nc,sc->ns", near, forces))
+
+
+def shares(normal: Float, right: Float, newtons: Float, alike: float = 1.0) -> tuple[Float, Float]:
+    """Shares (t,) of all contacts' pressures that solve normal equations, and these (t, t) with what is open.
+
+    The pressures come first, contact by contact; those without a net force are as large as needed, not more.
+    newtons: (contacts,) forces if all were balls. alike: number of values that are off together.
+    """
+    count = SHAPES * len(newtons)
+    for _ in range(_PASSES):
+        known = normal.copy()
+        for k, own in zip(range(0, count, SHAPES), newtons, strict=True):
+            parts = np.arange(k + 1, k + SHAPES)
+            known[parts, parts] += alike / max((_OPEN * float(own)) ** 2, 1e-30)
+        mean = np.asarray(np.linalg.solve(known, right), np.float64)
+        # of balls that stick it is the parts that say how much is open
+        newtons = np.maximum(np.abs(newtons), np.abs(mean[:count]).reshape(-1, SHAPES).max(axis=1))
+    return mean, known

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from zeromethod.loop.step import StepFigures
-from zeromethod.mechanics.yielding import NO_MODULUS, Yielding
+from zeromethod.mechanics.yielding import NO_MODULUS
 from zeromethod.rig.model import Rig
 
 Rows = list[dict[str, Any]]
@@ -42,7 +42,7 @@ def force_figures(records: Sequence[StepFigures], rig: Rig) -> dict[str, Any]:
 
     force_n, sigma_n: None with the `reason` where no force is read.
     """
-    if Yielding.of(rig) is None:
+    if rig.rubber.youngs_modulus_mpa is None:
         return {"force_n": None, "sigma_n": None, "reason": NO_MODULUS}
     found = [one for one in records if np.isfinite(one.total_force_n)]
     found = [one for one in found if one.phase == "hold"] or found

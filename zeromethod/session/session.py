@@ -305,17 +305,13 @@ class Session:
             self.loop.light(self._lamp.follow(contacts))
         found: dict[str, Any] = {"contacts": contacts, "touching": tuple(one.figures for one in contacts)}
         found |= {"total_force_n": total.force_n, "sigma_total_force_n": total.sigma_n}
-        if self._truth is not None:
-            if step.phase == "untouched":
-                # the filter's noise, once it has settled: making its reader takes as long as 20 frames
-                if self.result.before is None:
-                    return replace(step, surface=surface, peak=deepest, read_ms=read_ms, **found)
+        if self._truth is not None and step.phase == "untouched":
+            # the filter's noise, once it has settled: making its reader takes as long as 20 frames
+            if self.result.before is not None:
                 filtered = self._filtered_reader.read(step.filtered)
                 found["untouched_rms_nm"] = (rms_nm(surface), rms_nm(filtered))
-            elif self._scenario is None or step.phase in COMPARED_PHASES:
-                found["truth"] = compare(
-                    surface, self._truth(step.time_ns), self._optics, self._grid, deepest
-                )
+        elif self._truth is not None and (self._scenario is None or step.phase in COMPARED_PHASES):
+            found["truth"] = compare(surface, self._truth(step.time_ns), self._optics, self._grid, deepest)
         return replace(step, surface=surface, peak=deepest, read_ms=read_ms, **found)
 
     def _touching(self, step: Step, surface: Surface) -> tuple[Contact, ...]:

@@ -33,9 +33,9 @@ from numpy.typing import NDArray
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.mechanics.body import BodyKernel
-from zeromethod.surface.far_field_laws import POINT, Body, Known, Nodes, centre, chosen
+from zeromethod.surface.far_field_laws import POINT, Body, Known, Nodes, chosen
 from zeromethod.surface.far_field_posterior import posterior
-from zeromethod.surface.far_field_starts import FREE_LAW
+from zeromethod.surface.far_field_starts import FREE_LAW, centre
 from zeromethod.surface.node_passes import diagonal
 
 _NO_LAW = 2.0

@@ -23,9 +23,6 @@ load's, and those above add law - 1 of what the body adds to a load, where it is
 _GAUSSIAN = 1e-4
 """Law below which it is its limit exp(-z / 2)."""
 
-_PARALLEL = 1e-3
-"""Determinant over squared trace up to which the core's lines are parallel and have no centre."""
-
 _FLAT = 0.1
 """Weight of (depth / distance)^2 against slope^2 in what a law's error is relative to."""
 
@@ -331,27 +328,3 @@ def equations(
             normal[j, k] = normal[k, j] = total
     growth = lacking / max(expected, 1e-300)
     return Equations(normal, right, border_mm, of_border, left, variance, misfit, misfit_before, growth)
-
-
-@numba.njit(cache=True, error_model="numpy", fastmath=_SUMS)
-def centre(nodes: Nodes, constant: float, core_mm: float) -> tuple[float, float]:
-    """Point that the core's lines of steepest descent pass closest to; NaN for parallel ones.
-
-    The core is deeper than core_mm. Minimises sum |s x (p - c)|^2, which also works for a dent that is cut
-    off by the view or has a hole.
-    """
-    a = b = c = u = v = 0.0
-    for i in range(len(nodes.x)):
-        used = 1.0 if abs(nodes.depth[i] - constant * nodes.scale[i]) > core_mm else 0.0
-        sx = used * (nodes.slope_x[i] - constant * nodes.gradient_x[i])
-        sy = used * (nodes.slope_y[i] - constant * nodes.gradient_y[i])
-        cross = sx * nodes.y[i] - sy * nodes.x[i]
-        a += sy * sy
-        b += sx * sy
-        c += sx * sx
-        u -= sy * cross
-        v += sx * cross
-    determinant = a * c - b * b
-    if not determinant > _PARALLEL * (a + c) ** 2:
-        return np.nan, np.nan
-    return (c * u + b * v) / determinant, (b * u + a * v) / determinant

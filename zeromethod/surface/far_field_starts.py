@@ -1,4 +1,4 @@
-"""Round dents that a fit may start from: the one, or the two, of many that explain slopes best; compiled."""
+"""Round dents to start a fit from: where slopes meet, and those of many that explain them best; compiled."""
 
 from __future__ import annotations
 
@@ -18,6 +18,9 @@ _NODES, _QUIET = 3, 4
 
 _APART = 0.02
 """Least determinant of two dents' products, over that of dents which have nothing in common."""
+
+_PARALLEL = 1e-3
+"""Determinant over squared trace up to which the core's lines are parallel and have no centre."""
 
 FREE_LAW = 0.5
 """Law that a fit starts from."""
@@ -122,3 +125,27 @@ def _fill(numbers: Float, depth_mm: float, about: Float) -> None:
     """Fill in the numbers (7,) of a round dent."""
     numbers[0], numbers[1], numbers[2] = depth_mm, about[0], about[1]
     numbers[3], numbers[4], numbers[5], numbers[LAW] = about[2], 0.0, about[2], FREE_LAW
+
+
+@numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc"})
+def centre(nodes: Nodes, constant: float, core_mm: float) -> tuple[float, float]:
+    """Point that the core's lines of steepest descent pass closest to; NaN for parallel ones.
+
+    The core is deeper than core_mm. Minimises sum |s x (p - c)|^2, which also works for a dent that is cut
+    off by the view or has a hole.
+    """
+    a = b = c = u = v = 0.0
+    for i in range(len(nodes.x)):
+        used = 1.0 if abs(nodes.depth[i] - constant * nodes.scale[i]) > core_mm else 0.0
+        sx = used * (nodes.slope_x[i] - constant * nodes.gradient_x[i])
+        sy = used * (nodes.slope_y[i] - constant * nodes.gradient_y[i])
+        cross = sx * nodes.y[i] - sy * nodes.x[i]
+        a += sy * sy
+        b += sx * sy
+        c += sx * sx
+        u -= sy * cross
+        v += sx * cross
+    determinant = a * c - b * b
+    if not determinant > _PARALLEL * (a + c) ** 2:
+        return np.nan, np.nan
+    return (c * u + b * v) / determinant, (b * u + a * v) / determinant

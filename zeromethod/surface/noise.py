@@ -7,12 +7,12 @@ from functools import cached_property
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.surface.integrate import SlopeIntegrator, fill_in, share_changed
 from zeromethod.surface.node_variance import variance_of_noise
+from zeromethod.surface.noise_growth import grown_by, known_sums
 from zeromethod.surface.samples import AT_A_TIME, AT_FIRST, Samples
 
 _KEEP_SHARE, _KEEP_BACK, _KEEP_CHANGED = 0.02, 0.005, 0.05
@@ -23,11 +23,11 @@ _SOLVED = 1e-4
 """Relative error of the weights with which slopes enter a depth."""
 _SAME_ANCHOR = 0.6
 """Share of the anchor's weight that may move to other blocks before its noise is computed again."""
-_BOXES = (1, 3, 7, 15, 31, 63)
 _BLOCK_SHARE = 0.1
 """Side of the blocks of which the anchor's weight is compared, relative to the lattice's shorter side."""
-_EVEN = 0.02
 _LEAST_LEFT = 0.02
+_MOST_GUESSES = 4
+"""Masks in turn that go by another one's samples."""
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -39,26 +39,6 @@ def _powers(variance: Float, island: Mask) -> Float:
             if island[i, j]:
                 out[i, j] = variance[i, j, 0] + variance[i, j, 1]
     return out
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _ratios(now: Float, kept: Float, both: Mask) -> tuple[Float, float, float]:
-    """Ratio (rows, cols) on these nodes, else 0; its mean, and the mean distance from that over it."""
-    out = np.zeros(both.shape)
-    total = away = 0.0
-    count = 0
-    for i in range(both.shape[0]):
-        for j in range(both.shape[1]):
-            if both[i, j]:
-                out[i, j] = now[i, j] / kept[i, j]
-                total += out[i, j]
-                count += 1
-    middle = total / count
-    for i in range(both.shape[0]):
-        for j in range(both.shape[1]):
-            if both[i, j]:
-                away += abs(out[i, j] - middle)
-    return out, middle, away / (middle * count)
 
 
 class SlopeNoise:
@@ -122,10 +102,6 @@ class SlopeNoise:
         return out
 
 
-_MOST_GUESSES = 4
-"""Masks in turn that go by another one's samples."""
-
-
 class _Map:
     """Variance of depth by the samples of one mask and set of weights, rescaled while these are kept."""
 
@@ -148,7 +124,7 @@ class _Map:
         # weights are kept from other noise
         kept = _powers(integrator.variance, island)
         both = island & (kept > 0.0)
-        grown = _grown(power, kept, both, _known_sums(both), weights)
+        grown = grown_by(power, kept, both, known_sums(both), weights)
         linear = integrator.linear(x_mm, y_mm)
         self._samples: Samples | None = Samples(
             linear, lambda: noise.factor, noise.correlation, power, weights, grown,
@@ -160,7 +136,7 @@ class _Map:
         self._power, self._weighting = power.copy(), integrator.weighting
         self._first = self._anchor = weights.copy()
         self._blocks = _blocks(weights, _block_size(island.shape))
-        self._both, self._known = island, _known_sums(island)
+        self._both, self._known = island, known_sums(island)
         self._sampled = self._variance = np.zeros(island.shape)
         self._shift: Float | float = 0.0
 
@@ -185,8 +161,8 @@ class _Map:
         """Variance (rows, cols) of depth / h, mm^2, by the noise of this reading."""
         both = island & self.mask
         if not np.array_equal(both, self._both):
-            self._both, self._known = both, _known_sums(both)
-        return np.asarray(_grown(power, self._power, both, self._known, self._anchor) * self._variance)
+            self._both, self._known = both, known_sums(both)
+        return np.asarray(grown_by(power, self._power, both, self._known, self._anchor) * self._variance)
 
     def take(self, at_once: bool) -> None:
         """Work out some samples more, or all; the map is made before the first, with some, and with all.
@@ -280,35 +256,6 @@ class DepthNoise:
         return np.asarray(found)
 
 
-def _grown(power: Float, kept: Float, both: Mask, known: Float, anchor: Float) -> Float | float:
-    """How the variance of depth has grown with slopes' noise, (rows, cols) or the same everywhere.
-
-    power, kept: of the noise now and before, (rows, cols), both known on these nodes, whose `_known_sums`
-    are given. anchor: weights.
-    """
-    ratio, middle, uneven = _ratios(power, kept, both)
-    if uneven < _EVEN:
-        return middle
-    boxes = _boxes(ratio.shape)
-    values, total = np.empty(known.shape), np.zeros(ratio.shape)
-    _sums(ratio, values)
-    _add_box_means(values, known, boxes, middle, total)
-    at_anchor = float(np.vdot(anchor, total) / max(float(anchor.sum()), 1e-30))
-    return 0.5 * (total + at_anchor)
-
-
-def _boxes(shape: tuple[int, ...]) -> NDArray[np.intp]:
-    return np.array([n for n in _BOXES if n <= max(shape)])
-
-
-def _known_sums(nodes: Mask) -> Float:
-    """`_sums` of the number of nodes (rows, cols), with a margin of half the last box."""
-    rows, cols = nodes.shape
-    out = np.empty((rows + 1, cols + 1 + 2 * int(_boxes(nodes.shape)[-1] // 2)))
-    _sums(nodes.astype(np.float64), out)
-    return out
-
-
 def _block_size(shape: tuple[int, ...]) -> int:
     return max(1, round(_BLOCK_SHARE * min(shape)))
 
@@ -323,43 +270,3 @@ def _blocks(weights: Float, size: int) -> Float:
         for j in range(cols):
             to[j // size] += weights[i, j]
     return out
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _sums(values: Float, out: Float) -> None:
-    """Sums of values (rows, cols) above and to the left; out: one row more, and a margin on either side."""
-    rows, cols = values.shape
-    margin = (out.shape[1] - 1 - cols) // 2
-    out[0] = 0.0
-    for i in range(rows):
-        line, total = out[i + 1], 0.0
-        line[: margin + 1] = 0.0
-        for j in range(cols):
-            total += values[i, j]
-            line[margin + 1 + j] = total
-        line[margin + 1 + cols :] = total
-        above = out[i]
-        for j in range(len(line)):
-            line[j] += above[j]
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _add_box_means(values: Float, known: Float, boxes: NDArray[np.intp], other: float, out: Float) -> None:
-    """Add the mean of the means over boxes around each node; `other` where a box has no known node.
-
-    values, known: `_sums` of known values, and of their number, with a margin of half the last box.
-    """
-    rows, cols = out.shape
-    for size in boxes:
-        half = size // 2
-        near = boxes[-1] // 2 - half
-        left, right = slice(near, near + cols), slice(near + size, near + size + cols)
-        for i in range(rows):
-            top, bottom = max(i - half, 0), min(i + half + 1, rows)
-            a, b, c, d = values[bottom, right], values[top, right], values[bottom, left], values[top, left]
-            e, f, g, h = known[bottom, right], known[top, right], known[bottom, left], known[top, left]
-            to = out[i]
-            for j in range(cols):
-                count = e[j] - f[j] - g[j] + h[j]
-                mean = (a[j] - b[j] - c[j] + d[j]) / count if count > 0.5 else other
-                to[j] += mean / len(boxes)
