@@ -3,13 +3,11 @@
 On the packaged bench at full size, with a pupil of 1.25 mm. Random presses: one to three balls, cones, flat
 punches that do not touch each other, with 10 to 300 mN each; compared are the last frames of half a second.
 Two balls 2.5 mm apart; balls of 5 mm that stick (50 mJ/m^2) under 5 to 50 mN, whose work of adhesion follows
-from force and outline. Runs may be cut short: every one is a line in --results, and a run that is started
-again with the same file goes on.
+from force and outline.
 """
 
 from __future__ import annotations
 
-import json
 import tempfile
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -19,11 +17,11 @@ from typing import Any
 import click
 import numpy as np
 
+from benchmarks.parts import Parts, part_options
 from benchmarks.report import Figure, Report, benchmark, start
 from zeromethod.contact.adhesion import work_of_adhesion
 from zeromethod.rig.load import load_rig
 from zeromethod.session.session import Session
-from zeromethod.view.progress import progress
 
 PUPIL_MM = 1.25
 RANDOM, QUICK = 30, 4
@@ -178,25 +176,17 @@ def report(found: Sequence[Found]) -> Report:
     "force",
     __doc__,
     click.option("--presses", default=RANDOM, show_default=True, help="Random presses."),
-    click.option(
-        "--results", type=click.Path(dir_okay=False, path_type=Path), help="Lines of JSON to go on from."
-    ),
+    part_options,
 )
-def command(quick: bool, presses: int, results: Path | None) -> Report:
-    """Run it."""
-    lines = results.read_text().splitlines() if results is not None and results.exists() else []
-    done = [Found(**json.loads(line)) for line in lines]
-    known = {one.case for one in done}
-    left = {name: given for name, given in cases(QUICK if quick else presses).items() if name not in known}
-    with progress(len(left), "presses") as advance:
-        for name, objects in left.items():
-            found = measured(name, objects)
-            done += found
-            if results is not None:
-                with results.open("a") as file:
-                    file.writelines(json.dumps(asdict(one)) + "\n" for one in found)
-            advance(name)
-    return report(done)
+def command(quick: bool, presses: int, keep: Path | None, most_runs: int | None) -> Report:
+    """Run what is missing, and report all."""
+    count = QUICK if quick else presses
+    wanted = list(cases(count).items())
+    parts = Parts(keep, most_runs, presses=count)
+    runs = parts.run(
+        len(wanted), "presses", lambda number: [asdict(one) for one in measured(*wanted[number])]
+    )
+    return report([Found(**one) for run in runs for one in run])
 
 
 if __name__ == "__main__":

@@ -137,7 +137,7 @@ def _fitted(loads: list[Loads], at_mm: Float, depth: Float, sigma: Float) -> _Fi
     force = np.arange(0, SHAPES * len(loads), SHAPES)
     alone = np.concatenate([force, np.arange(SHAPES * len(loads), count)])
     # balls alone say how large the forces are, and so how much is open
-    newtons: Float = np.linalg.lstsq(terms[:, alone], wanted, rcond=None)[0][: len(loads)]
+    newtons = np.asarray(np.linalg.lstsq(terms[:, alone], wanted, rcond=None)[0][: len(loads)], np.float64)
     normal = np.einsum("nt,nu->tu", terms, terms)
     mean, known = shares(normal, (terms * wanted[:, None]).sum(axis=0), newtons, _ALIKE)
     left = float(((wanted - (terms * mean).sum(axis=1)) ** 2).sum()) / max(len(depth) - count, 1)

@@ -59,25 +59,28 @@ class BodyKernel:
     left: float = 0.0
 
     @property
+    def place_box_mm(self) -> Float:
+        """(2, 2) from and to of places, of x and of y."""
+        return np.array([[0.0, self.length_mm], [-self.half_width_mm, self.half_width_mm]])
+
+    @property
     def load_box_mm(self) -> Float:
-        """(2, 2) from and to, of x and of y."""
+        """(2, 2) from and to of loads, of x and of y."""
         half, wide = 0.5 * self.length_mm * (1 - _INSET), self.half_width_mm * (1 - _INSET)
         middle = 0.5 * self.length_mm
         return np.array([[middle - half, middle + half], [-wide, wide]])
 
     def products(self, x_mm: Float, y_mm: Float) -> Float:
         """(3, products, ...) u_i at places, 1/mm, and their slopes along x and y, 1/mm^2; 0 slope beyond."""
-        box = np.array([[0.0, self.length_mm], [-self.half_width_mm, self.half_width_mm]])
         shape = np.shape(x_mm)
-        out = _series(self.of_places, box, np.ravel(x_mm), np.ravel(y_mm))
+        out = _series(self.of_places, self.place_box_mm, np.ravel(x_mm), np.ravel(y_mm))
         return out.reshape(3, -1, *shape)
 
     def slopes(self, places_mm: Float, load_mm: Float) -> Float:
         """(n, 2) slopes, 1/mm^2, that the body adds per q at places (n, 2) by a load at (2,)."""
         by_load = _series(self.of_loads, self.load_box_mm, *load_mm[:, None])[0][:, 0]
         whole = np.einsum("i,iba->ba", by_load, self.of_places)
-        box = np.array([[0.0, self.length_mm], [-self.half_width_mm, self.half_width_mm]])
-        return np.asarray(_series(whole[None], box, *places_mm.T)[1:, 0].T)
+        return np.asarray(_series(whole[None], self.place_box_mm, *places_mm.T)[1:, 0].T)
 
     def added(self, places_mm: Float, loads_mm: Float) -> Float:
         """(places, loads) 1/mm that the body adds per q at places (2, n) by loads at (2, m)."""
