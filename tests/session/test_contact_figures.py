@@ -8,6 +8,7 @@ import pytest
 from small_rigs import HALF_LCD
 
 from zeromethod import Session, binned, export_recording, load_rig, open_recording, report
+from zeromethod.session.contact_figures import force_figures
 from zeromethod.view.live import contact_words
 from zeromethod.view.table import summary_table
 
@@ -56,6 +57,17 @@ def test_table_and_live_line_say_so(session):
     assert contact_words((replace(touching[0], force_n=math.nan),)).endswith(" mm²")
     assert contact_words(touching * 2).startswith("2 contacts of ")
     assert contact_words(()) == ""
+
+
+def test_where_no_force_is_read_the_table_says_why(session):
+    figures = session.figures
+    (contact,) = figures["contacts"]
+    unknown = {name: None for name in contact if "force" in name or "torque" in name}
+    reason = force_figures(session.result.records, session.rig.replace({"rubber": {}}))
+    table = summary_table(figures | {"contacts": [contact | unknown], "force": reason})
+    words = dict(zip(*(column.cells for column in table.columns), strict=True))
+    assert words["contact 1"].endswith(" deep")
+    assert words["force"] == "not read: the rig file has no rubber.youngs_modulus_mpa"
 
 
 def test_recording_and_export_keep_every_contact_with_its_border(session, recording, tmp_path):

@@ -107,8 +107,8 @@ def _contact_rows(label: str, contacts: Sequence[Figures] | None) -> list[tuple[
         words = f"{one['area_mm2']:.3f}{sigma} mm² at ({one['x_mm']:.3f}, {one['y_mm']:.3f}) mm"
         depth = one.get("depth_mm")
         inside = "" if depth is None else f", {depth:.5f} ± {one['sigma_depth_mm']:.5f} mm deep"
-        how_hard = one.get("force_n")
-        apart = f" ± {one['sigma_force_n']:.4f}" if "sigma_force_n" in one else ""
+        how_hard, off = one.get("force_n"), one.get("sigma_force_n")
+        apart = "" if off is None else f" ± {off:.4f}"
         force = "" if how_hard is None else f", {how_hard:.4f}{apart} N"
         rows.append((f"{label} {one['id']}", words + inside + force))
     return rows
