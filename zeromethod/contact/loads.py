@@ -66,6 +66,11 @@ class Loads:
         area = ((rho * depth * weight)[:, None] * sector).ravel()
         return cls(offset + middle, _OWN**2 * area, np.concatenate([whole[:1], whole[1:] - whole[0], uneven]))
 
+    @property
+    def middle_mm(self) -> Float:
+        """(2,) where a ball's force acts."""
+        return np.asarray(np.einsum("c,ck->k", self.forces[0], self.cells))
+
     def depth(self, at_mm: Float) -> Float:
         """Depth (n, SHAPES) at points (n, 2), mm, in 1 / (pi E*) of a newton."""
         return _products(self._near(at_mm), self.forces)
