@@ -91,6 +91,8 @@ class ForceFit:
         weight = (1 / np.sqrt(overlap.whole * (blocks.variance + rim2) + open2)).ravel()
         own = overlap.within(blocks.nodes)[:, None]
         by_own = (1 / np.sqrt(own * blocks.variance + rim2 + open2)).ravel()
+        self.mean: Float
+        self.spread: Float
         self._fit(weight, by_own, len(loads))
         self._allow_for(yielding, loads)
         self.arms = np.zeros((len(contacts), 3, len(self.mean)))
@@ -107,7 +109,7 @@ class ForceFit:
             if steep is not None:
                 wrong += net * steep
         change = np.einsum("nt,n->t", self._gain, wrong.ravel())
-        self.spread = self.spread + np.outer(change, change)
+        self.spread += np.outer(change, change)
 
     @classmethod
     def of(
@@ -132,7 +134,7 @@ class ForceFit:
             used = weight * np.sqrt(np.minimum(1.0, _DOUBTED * usual / np.maximum(left, 1e-12)))
         inverse = np.asarray(np.linalg.inv(known), np.float64)
         self._first = self.mean = mean
-        self.spread: Float = usual**2 * inverse
+        self.spread = usual**2 * inverse
         self._gain: Float = np.einsum("nt,tu->nu", self._terms * last[:, None] ** 2, inverse)
         self._kept = np.einsum("tu,uv->tv", inverse, normal)
         self._limit = _DOUBTED * usual / by_own
