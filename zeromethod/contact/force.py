@@ -27,7 +27,6 @@ from zeromethod.contact.force_fit import ForceFit, Overlap
 from zeromethod.mechanics.yielding import Yielding
 from zeromethod.rig.model import Rig
 from zeromethod.surface import Surface
-from zeromethod.warp.overlap import component_correlation
 
 _FORCES = 0.0015
 """The same of forces: those of a ball, a punch, a cone and a rod were read 0.01 to 0.25 % low."""
@@ -47,8 +46,7 @@ class ForceReader:
     def __init__(self, rig: Rig) -> None:
         self._yielding = Yielding.of(rig)
         self._geometry = rig.geometry
-        period_px = rig.target.period_px
-        self._overlap = Overlap(*component_correlation(period_px, period_px // 2, rig.target.kind))
+        self._overlap = Overlap.of(rig)
         self._fit: ForceFit | None = None
         if self._yielding is not None:
             force_fit.compile_ahead()

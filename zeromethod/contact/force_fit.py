@@ -20,8 +20,10 @@ from zeromethod.contact.loads import SHAPES, Loads, shares
 from zeromethod.contact.median import median
 from zeromethod.contact.slope_blocks import SlopeBlocks
 from zeromethod.mechanics.yielding import Yielding
+from zeromethod.rig.model import Rig
 from zeromethod.surface import Surface
 from zeromethod.surface.anchor import mean_noise_gain
+from zeromethod.warp.overlap import component_correlation
 
 _FEWEST = 24
 _PASSES, _LATER_PASSES = 3, 4
@@ -50,6 +52,12 @@ class Overlap:
     own: Float
     other: Float
 
+    @classmethod
+    def of(cls, rig: Rig) -> Overlap:
+        """That of a rig's target."""
+        period_px = rig.target.period_px
+        return cls(*component_correlation(period_px, period_px // 2, rig.target.kind))
+
     @property
     def whole(self) -> float:
         """Variance of means that reach over many nodes, over that of independent nodes."""
@@ -69,7 +77,8 @@ class ForceFit:
     """Shares of all contacts' pressures by the slopes of a surface, and of those read after it.
 
     mean: (t,) shares, then a tilt; spread: (t, t) their covariance. arms: (contacts, 3, t) net force, and
-    torques about x and y, of each share, over pi E*.
+    torques about x and y, of each share, over pi E*. slopes: (2 n,) of the blocks that the fit was made of;
+    terms: (2 n, t) of them by each share; weight: (2 n,) 1 / their sigma. at_mm: (n, 4, 2) where.
     """
 
     def __init__(
@@ -84,7 +93,7 @@ class ForceFit:
         loads = [Loads.of(contact) for contact in contacts]
         terms = [_terms(load, blocks.at_mm, yielding) for load in loads]
         tilt = np.broadcast_to(np.eye(2), (len(blocks.slope), 2, 2))
-        self._terms = np.concatenate([*terms, tilt], axis=2).reshape(blocks.slope.size, -1)
+        self.terms = np.concatenate([*terms, tilt], axis=2).reshape(blocks.slope.size, -1)
         steep2 = (blocks.slope**2).sum(axis=1, keepdims=True)
         open2 = _MODEL**2 * blocks.slope**2
         rim2 = blocks.rim[:, None] ** 2 * steep2
@@ -123,11 +132,12 @@ class ForceFit:
 
     def _fit(self, weight: Float, by_own: Float, count: int) -> None:
         """weight: (2 n,) 1 / standard deviation of slopes in means over many nodes; by_own: of each alone."""
-        wanted, used = self._blocks.slope.ravel(), weight
+        self.at_mm, self.slopes = self._blocks.at_mm, self._blocks.slope.ravel()
+        wanted, used = self.slopes, weight
         for _ in range(_PASSES):
-            normal, right = load_slopes.normal_equations(self._terms * used[:, None], wanted * used)
+            normal, right = load_slopes.normal_equations(self.terms * used[:, None], wanted * used)
             mean, known = _regular(normal, right, count)
-            left = np.abs(wanted - np.einsum("nt,t->n", self._terms, mean)) * by_own
+            left = np.abs(wanted - np.einsum("nt,t->n", self.terms, mean)) * by_own
             usual = max(median(left) / _MEDIAN, 1.0)
             last = used
             # slopes beside a border, where the mirror may fold, can be off by any amount
@@ -135,9 +145,10 @@ class ForceFit:
         inverse = np.asarray(np.linalg.inv(known), np.float64)
         self._first = self.mean = mean
         self.spread = usual**2 * inverse
-        self._gain: Float = np.einsum("nt,tu->nu", self._terms * last[:, None] ** 2, inverse)
+        self._gain: Float = np.einsum("nt,tu->nu", self.terms * last[:, None] ** 2, inverse)
         self._kept = np.einsum("tu,uv->tv", inverse, normal)
         self._limit = _DOUBTED * usual / by_own
+        self.weight = last / usual
 
     def serves(self, contacts: Sequence[Contact]) -> bool:
         """Whether these contacts lie where those of the fit do."""
@@ -154,7 +165,7 @@ class ForceFit:
             return False
         read = np.where(share >= _LEAST_SHARE, share, 0.0)
         self.mean = load_slopes.followed(
-            self._terms, self._gain, self._kept, self._limit, slopes.ravel(), read, self.mean, _LATER_PASSES
+            self.terms, self._gain, self._kept, self._limit, slopes.ravel(), read, self.mean, _LATER_PASSES
         )
         net = self.arms[:, 0]
         change, force = np.abs(net @ (self.mean - self._first)), np.abs(net @ self._first)
