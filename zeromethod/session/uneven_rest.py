@@ -27,6 +27,9 @@ FRAMES = 16
 counts until then."""
 _SCATTER_FRAMES = 4
 """Frames from which on their scatter, over the nodes of a window, is known to a quarter."""
+_USUAL = 2.0
+"""Times the median of what nodes state that it is taken for at least: what the null itself has gathered of
+noise in fine patterns goes slowly, and does not scatter."""
 _AROUND = 11
 """Nodes on a side of the square whose median a node is held against: dirt disturbs four across."""
 _NOISES = 4.0
@@ -113,7 +116,8 @@ class UnevenRest:
             scatter2 = ((self._square - self._sum**2 / seen) / np.maximum(seen - 1.0, 1.0)).mean(axis=-1)
             around2 = uniform_filter(np.where(self._known, scatter2, 0.0), 3)
             around2 /= np.maximum(uniform_filter(self._known.astype(np.float64), 3), 0.1)
-            least2 = np.minimum(least2, np.maximum(around2, 0.0)[..., None])
+            usual2 = _USUAL**2 * np.median(least2[self._known]) if self._known.any() else 0.0
+            least2 = np.minimum(least2, np.maximum(around2[..., None], usual2))
         return np.asarray(np.sqrt(least2 / seen))
 
     def _find(self, displaced: Float, sigma: Float, known: Mask) -> None:
