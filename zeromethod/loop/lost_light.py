@@ -17,7 +17,7 @@ from dataclasses import replace
 import numba
 import numpy as np
 
-from zeromethod.arrays import Flags, Float, Single
+from zeromethod.arrays import Flags, Float, Mask, Single
 from zeromethod.sensing.residual import Residual
 
 APART_NODES = 3
@@ -37,7 +37,7 @@ class LostLight:
         self._px_per_rad = period_px / (2 * math.pi)
         self._black = black_grey
         self._frames = 0
-        self._rest = np.zeros(shape, np.float32)
+        self._rest, self._light = np.zeros((2, *shape), np.float32)
 
     def learn(self, residual: Residual) -> None:
         """Take in the light of a residual at rest; 0 where a node was not measured."""
@@ -52,38 +52,54 @@ class LostLight:
         sigma = residual.sigma.copy()
         seen = residual.mean, residual.modulation, residual.flags
         nothing = NOISES2 * (1.0 + 1.0 / max(self._frames, 1))
-        _open(*seen, self._rest, self._black, self._px_per_rad, nothing, sigma)
+        _open(*seen, self._rest, self._black, self._px_per_rad, nothing, self._light, sigma)
         return replace(residual, sigma=sigma)
 
 
-@numba.njit(cache=True)
-def _light(mean: Single, flags: Flags, rest: Single, black: float, j: int, i: int) -> float:
-    """Light of a node over that at rest; 0 where it is not known."""
-    inside = 0 <= j < mean.shape[0] and 0 <= i < mean.shape[1]
-    if not inside or flags[j, i] != 0 or rest[j, i] <= 0.0:
-        return 0.0
-    return float(max((mean[j, i] - black) / rest[j, i], 0.0))
+@numba.njit(cache=True, error_model="numpy")
+def _over_rest(mean: Single, flags: Flags, rest: Single, black: float, out: Single) -> None:
+    """Light of nodes over that at rest, (rows, cols); 0 where it is not known."""
+    dark, none = np.float32(black), np.float32(0)
+    for j in range(mean.shape[0]):
+        for i in range(mean.shape[1]):
+            known = (flags[j, i] == 0) & (rest[j, i] > none)
+            out[j, i] = (mean[j, i] - dark) / rest[j, i] if known else none
 
 
 @numba.njit(cache=True)
-def _expected(
-    mean: Single, flags: Flags, rest: Single, black: float, j: int, i: int, y: int, x: int
-) -> tuple[float, float]:
-    """Light over that at rest by nodes `APART_NODES` away along (y, x), and its variance over one's.
+def _expected(light: Single, j: int, i: int, y: int, x: int) -> tuple[float, float]:
+    """Light over that at rest by nodes (y, x) away to both sides, and its variance over one's.
 
     On a straight line between two, or through two on one side; 0 where they are not known.
     """
-    y, x = APART_NODES * y, APART_NODES * x
-    before = _light(mean, flags, rest, black, j - y, i - x)
-    after = _light(mean, flags, rest, black, j + y, i + x)
+    rows, cols = light.shape
+    before = light[j - y, i - x] if j >= y and i >= x else 0.0
+    after = light[j + y, i + x] if j + y < rows and i + x < cols else 0.0
     if before > 0.0 and after > 0.0:
         return 0.5 * (before + after), 0.5
     side = 1 if after > 0.0 else -1
-    further = _light(mean, flags, rest, black, j + 2 * side * y, i + 2 * side * x)
-    return (2.0 * max(before, after) - further, 5.0) if before + after > 0.0 and further > 0.0 else (0.0, 0.0)
+    b, a = j + 2 * side * y, i + 2 * side * x
+    further = light[b, a] if 0 <= b < rows and 0 <= a < cols else 0.0
+    known = before + after > 0.0 and further > 0.0
+    return (2.0 * (before + after) - further, 5.0) if known else (0.0, 0.0)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
+def _suspects(
+    light: Single, rest: Single, modulation: Single, sigma: Float, cut: float, j: int, out: Mask
+) -> None:
+    """Nodes of a row, away from the lattice's edge, that lack light or have a neighbour without any."""
+    by, none, half, times = APART_NODES, np.float32(0), np.float32(0.5), np.float32(cut)
+    above, row, below = light[j - by], light[j], light[j + by]
+    for i in range(by, light.shape[1] - by):
+        down, across = half * (above[i] + below[i]), half * (row[i - by] + row[i + by])
+        lack = rest[j, i] * (max(down, across) - row[i])
+        noise = min(modulation[j, i, 0] * sigma[j, i, 0], modulation[j, i, 1] * sigma[j, i, 1])
+        alone = min(min(above[i], below[i]), min(row[i - by], row[i + by])) == none
+        out[i] = (row[i] > none) & (alone | (lack > times * noise))
+
+
+@numba.njit(cache=True, error_model="numpy")
 def _open(
     mean: Single,
     modulation: Single,
@@ -92,22 +108,29 @@ def _open(
     black: float,
     px_per_rad: float,
     nothing: float,
+    light: Single,
     sigma: Float,
 ) -> None:
     """Add to sigma (rows, cols, 2), px, what lost light may do, beyond `nothing` variances of noise.
 
-    The noise of a node's light would by itself move its phase, by that rule, by one sigma.
+    The noise of a node's light would by itself move its phase, by that rule, by one sigma. light: work space.
     """
-    for j in range(mean.shape[0]):
-        for i in range(mean.shape[1]):
-            now = _light(mean, flags, rest, black, j, i)
-            if now > 0.0:
-                down = _expected(mean, flags, rest, black, j, i, 1, 0)
-                across = _expected(mean, flags, rest, black, j, i, 0, 1)
-                for k in range(2):
-                    off, more = px_per_rad * (mean[j, i] - black) / max(modulation[j, i, k], 1e-6), 0.0
-                    for expected, noise in (down, across):
-                        if expected > now:
-                            off2 = 2.0 * (off * (1.0 - now / expected)) ** 2
-                            more = max(more, off2 - nothing * (1.0 + noise) * sigma[j, i, k] ** 2)
-                    sigma[j, i, k] = math.sqrt(sigma[j, i, k] ** 2 + more)
+    _over_rest(mean, flags, rest, black, light)
+    rows, cols = light.shape
+    suspects = np.zeros(cols, np.bool_)
+    cut = math.sqrt(0.75 * nothing) / px_per_rad
+    for j in range(APART_NODES, rows - APART_NODES):
+        _suspects(light, rest, modulation, sigma, cut, j, suspects)
+        for i in range(APART_NODES, cols - APART_NODES):
+            if not suspects[i]:
+                continue
+            now = light[j, i]
+            down, noise_down = _expected(light, j, i, APART_NODES, 0)
+            across, noise_across = _expected(light, j, i, 0, APART_NODES)
+            for k in range(2):
+                own2 = sigma[j, i, k] ** 2
+                per_light2 = 2.0 * (px_per_rad * rest[j, i] / modulation[j, i, k]) ** 2
+                by_down = per_light2 * max(down - now, 0.0) ** 2 - nothing * (1.0 + noise_down) * own2
+                by_across = per_light2 * max(across - now, 0.0) ** 2 - nothing * (1.0 + noise_across) * own2
+                if by_down > 0.0 or by_across > 0.0:
+                    sigma[j, i, k] = math.sqrt(own2 + max(by_down, by_across))
