@@ -95,7 +95,7 @@ def _suspects(
         down, across = half * (above[i] + below[i]), half * (row[i - by] + row[i + by])
         lack = rest[j, i] * (max(down, across) - row[i])
         noise = min(modulation[j, i, 0] * sigma[j, i, 0], modulation[j, i, 1] * sigma[j, i, 1])
-        alone = min(min(above[i], below[i]), min(row[i - by], row[i + by])) == none
+        alone = min(above[i], below[i], row[i - by], row[i + by]) == none
         out[i] = (row[i] > none) & (alone | (lack > times * noise))
 
 
