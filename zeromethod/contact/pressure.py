@@ -136,7 +136,7 @@ def _unlike(load: Loads) -> Float:
 
 
 class _Known(NamedTuple):
-    """Normal equations (t, t), (t,): a ball's force, the differences' factors, the body's, the mirror's tilt."""
+    """Normal equations: a ball's force, the factors of the differences, what is open of the body, a tilt."""
 
     normal: Float
     right: Float
