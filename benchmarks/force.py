@@ -3,8 +3,8 @@
 On the packaged bench at full size, with a pupil of 1.25 mm, each run with noise of its own. The modulus by a
 weight of 20 g, and all forces as it makes them; two balls 2.5 mm apart; balls of 5 mm that stick (50 mJ/m^2)
 under 5 to 50 mN, whose work of adhesion follows from force and outline, and one that pulls; 50 mg; a layer
-20 mm thick that the rig file has as 22 +- 2 mm. Random presses: one to three balls, cones, flat punches that
-do not touch each other, with 10 to 150 mN each; and each ball's pressure.
+20 mm thick that the rig file has as 22 +- 2 mm; friction of half the force. Random presses: one to three balls,
+cones, flat punches that do not touch each other, with 10 to 150 mN each; and each ball's pressure.
 """
 
 from __future__ import annotations
@@ -76,6 +76,7 @@ def cases(count: int) -> dict[str, list[dict[str, Any]]]:
     foot = {"shape": "punch", "radius_mm": FOOT_MM, "force_n": 9.81e-6 * WEIGHT_MG}
     found["50 mg"] = [ball | foot]
     found["thickness"] = [ball | {"force_n": 0.1}]
+    found["friction"] = [ball | {"force_n": 0.1, "friction": 0.5}]
     for number in range(count):
         draw = np.random.default_rng(1900 + number)
         placed: list[tuple[float, float]] = []
@@ -129,7 +130,7 @@ def measured(case: str, objects: Sequence[dict[str, Any]], number: int) -> list[
     """Run one case; each object's force by the contact nearest to it."""
     if not objects:
         return [weighed(number)]
-    frames = COMPARED if case.startswith(("random", "side", "thick")) else MANY
+    frames = COMPARED if case.startswith(("random", "side", "thick", "friction")) else MANY
     seconds = FIRST_S + frames / 60
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "press.toml"
@@ -243,6 +244,9 @@ def _single(found: Sequence[Found]) -> list[Figure]:
         elif one.case == "thickness":
             off = abs(force - one.true_n) / one.sigma_n
             figures.append(Figure("thickness 10 % wrong, in sigmas", f"{off:.1f}", "2", off <= 2))
+        elif one.case == "friction":
+            off = 100 * abs(force / one.true_n - 1)
+            figures.append(Figure("friction of half the force", f"{off:.2f} %", "0.5 %", off <= 0.5))
     if works := [one.adhesion_j_m2 for one in found if one.adhesion_j_m2 is not None]:
         off = max(100 * abs(work / ADHESION_J_M2 - 1) for work in works)
         figures.append(Figure("work of adhesion, worst", f"{off:.0f} %", "15 %", off <= 15))
