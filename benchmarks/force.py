@@ -3,8 +3,8 @@
 On the packaged bench at full size, with a pupil of 1.25 mm, each run with noise of its own. The modulus by a
 weight of 20 g, and all forces as it makes them; two balls 2.5 mm apart; balls of 5 mm that stick (50 mJ/m^2)
 under 5 to 50 mN, whose work of adhesion follows from force and outline, and one that pulls; 50 mg; a layer
-20 mm thick that the rig file has as 22 +- 2 mm; friction of half the force. Random presses: one to three balls,
-cones, flat punches that do not touch each other, with 10 to 150 mN each; and each ball's pressure.
+20 mm thick that the rig file has as 22 +- 2 mm; friction of half the force. Random presses: one to three
+balls, cones, flat punches that do not touch each other, with 10 to 150 mN each; and each ball's pressure.
 """
 
 from __future__ import annotations
