@@ -1,11 +1,16 @@
-"""Dents of hard objects in closed form, and a contact as round as they are."""
+"""Dents of hard objects in closed form, a contact as round as they are, and mirrors that they press."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
+from zeromethod import Rig, load_rig
 from zeromethod.arrays import Float
 from zeromethod.contact import Contact, Probability
+from zeromethod.surface import Anchor, Surface
+from zeromethod.warp.overlap import component_correlation
 
 RADIUS_MM = 0.9
 
@@ -42,3 +47,53 @@ def cone(r: Float, a: float) -> Float:
 
 DENTS = {"ball": (ball, 0.75), "punch": (punch, 0.5), "cone": (cone, 1.0)}
 """Shape, and depth in the middle over force / (E* radius)."""
+
+E_MPA, POISSON = 1.6, 0.49
+E_STAR = E_MPA / (1 - POISSON**2)
+NOISE = 3e-6
+"""Slope noise of a node of the packaged bench, rad."""
+LINE = np.arange(-60, 61) * 0.3
+
+
+def rig(**rubber: object) -> Rig:
+    given = {"youngs_modulus_mpa": E_MPA, "poisson": POISSON, "support": "free", **rubber}
+    return load_rig("simulated").replace({f"rubber.{key}": value for key, value in given.items()})
+
+
+def overlapping(seed: int) -> Float:
+    """Noise (rows, cols, 2) of variance 1 of nodes whose windows overlap, as on the packaged bench."""
+    own, other = component_correlation(16, 8, "cosines")
+    spectrum = []
+    for correlation in (own, other):
+        around = np.zeros(LINE.size)
+        around[: len(correlation)] = correlation
+        around[1:] += around[:0:-1]
+        spectrum.append(np.maximum(np.fft.fft(around).real, 0))
+    white = np.fft.fft2(np.random.default_rng(seed).normal(size=(LINE.size, LINE.size, 2)), axes=(0, 1))
+    across = np.stack([np.outer(spectrum[1], spectrum[0]), np.outer(*spectrum)], axis=-1)
+    return np.asarray(np.fft.ifft2(np.sqrt(across) * white, axes=(0, 1)).real)
+
+
+def surface(
+    slope_outwards: Callable[[Float], Float],
+    *middles: tuple[float, float],
+    noise: float = NOISE,
+    seed: int = 3,
+) -> Surface:
+    """A mirror pressed at middles, with slopes away from each as a function of the distance."""
+    x, y = np.meshgrid(LINE, LINE)
+    slope, hole = noise * overlapping(seed), np.zeros(x.shape, bool)
+    for mx, my in middles:
+        r = np.maximum(np.hypot(x - mx, y - my), 1e-6)
+        slope += (slope_outwards(r) / r)[..., None] * np.stack([x - mx, y - my], axis=-1)
+        hole |= r < RADIUS_MM + 0.15
+    sigma = np.full(slope.shape, max(noise, 1e-7))
+    nothing = Anchor("none", np.zeros(x.shape, bool), 0.0)
+    return Surface(np.zeros(x.shape), slope, x, y, sigma[..., 0], sigma, ~hole, hole, nothing, 0, 1)
+
+
+def outwards(dent: Callable[[Float, float], Float], depth_mm: float) -> Callable[[Float], Float]:
+    def slope(r: Float) -> Float:
+        return depth_mm * (dent(r + 1e-5, RADIUS_MM) - dent(r - 1e-5, RADIUS_MM)) / 2e-5
+
+    return slope

@@ -12,6 +12,7 @@ from commands import typed
 from zeromethod import Event, State, load_rig
 from zeromethod.calibration import Priors, describe
 from zeromethod.cli.calibrate import calibrate_command
+from zeromethod.cli.calibrate_weight import weight_command
 from zeromethod.cli.check import check_command
 from zeromethod.cli.devices import devices_command
 from zeromethod.cli.init import init_command
@@ -58,6 +59,7 @@ def test_every_option_in_the_guide_exists() -> None:
         run_command,
         init_command,
         calibrate_command,
+        weight_command,
         check_command,
         virtual_bench_command,
     )

@@ -234,6 +234,13 @@ REFUSALS = [
     ("calibrate --evaluate-again nowhere --display 1", "--display: not with --evaluate-again"),
     (f"{CALIBRATE} --patience nan", "zeromethod: --patience: nan: a number above 0\n"),
     ("calibrate intrinsics --patience 0", "zeromethod: --patience: 0: a number above 0\n"),
+    ("calibrate weight --rig small.toml", "Missing option '--grams'"),
+    ("calibrate weight --grams 20", "Missing option '--rig'"),
+    ("calibrate weight --rig small.toml --grams 0", "--grams: 0: a number above 0\n"),
+    ("calibrate weight --rig small.toml --grams 20 --grams-sigma 12", "--grams-sigma: 12: below half of"),
+    ("calibrate weight --rig nowhere.toml --grams 20", "nowhere.toml"),
+    ("calibrate weight --rig simulated --grams 20", "--rig: simulated: a rig file of your own"),
+    ("calibrate weight --rig small.toml --grams 20 --scenario nothing", "--scenario: nothing"),
     ("calibrate board --dpi nan", "zeromethod: --dpi: nan: a number from 10 to 10000\n"),
     # output paths that cannot be written
     ("run --figure taken.png", "--figure: taken.png: cannot be written: Is a directory\n"),

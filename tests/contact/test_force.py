@@ -7,55 +7,32 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from planted_dents import DENTS, RADIUS_MM, ball, punch, round_contact
+from planted_dents import (
+    DENTS,
+    E_MPA,
+    E_STAR,
+    NOISE,
+    POISSON,
+    RADIUS_MM,
+    ball,
+    outwards,
+    punch,
+    rig,
+    round_contact,
+    surface,
+)
 
 from zeromethod import InputError, load_rig
 from zeromethod.arrays import Float
 from zeromethod.contact import ForceReader
 from zeromethod.contact.adhesion import work_of_adhesion
+from zeromethod.contact.force_fit import ForceFit
 from zeromethod.contact.load_slopes import load_slopes
 from zeromethod.contact.loads import Loads
 from zeromethod.mechanics.layer import wave_share
 from zeromethod.optics.prism import PrismGeometry
 from zeromethod.rig.tables import Rubber
 from zeromethod.simulation.contact.compliance import Compliance, layer_factor
-from zeromethod.surface import Anchor, Surface
-
-E_MPA, POISSON = 1.6, 0.49
-E_STAR = E_MPA / (1 - POISSON**2)
-NOISE = 3e-6
-"""Slope noise of a node of the packaged bench, rad."""
-LINE = np.arange(-60, 61) * 0.3
-
-
-def rig(**rubber: object):
-    given = {"youngs_modulus_mpa": E_MPA, "poisson": POISSON, "support": "free", **rubber}
-    return load_rig("simulated").replace({f"rubber.{key}": value for key, value in given.items()})
-
-
-def surface(
-    slope_outwards: Callable[[Float], Float],
-    *middles: tuple[float, float],
-    noise: float = NOISE,
-    seed: int = 3,
-) -> Surface:
-    """A mirror pressed at middles, with slopes away from each as a function of the distance."""
-    x, y = np.meshgrid(LINE, LINE)
-    slope, hole = np.random.default_rng(seed).normal(0, noise, (*x.shape, 2)), np.zeros(x.shape, bool)
-    for mx, my in middles:
-        r = np.maximum(np.hypot(x - mx, y - my), 1e-6)
-        slope += (slope_outwards(r) / r)[..., None] * np.stack([x - mx, y - my], axis=-1)
-        hole |= r < RADIUS_MM + 0.15
-    sigma = np.full(slope.shape, max(noise, 1e-7))
-    nothing = Anchor("none", np.zeros(x.shape, bool), 0.0)
-    return Surface(np.zeros(x.shape), slope, x, y, sigma[..., 0], sigma, ~hole, hole, nothing, 0, 1)
-
-
-def outwards(dent: Callable[[Float, float], Float], depth_mm: float) -> Callable[[Float], Float]:
-    def slope(r: Float) -> Float:
-        return depth_mm * (dent(r + 1e-5, RADIUS_MM) - dent(r - 1e-5, RADIUS_MM)) / 2e-5
-
-    return slope
 
 
 @pytest.mark.parametrize("name", list(DENTS))
@@ -70,6 +47,31 @@ def test_the_force_of_each_closed_form_dent_is_read_within_its_sigma(name):
     assert abs(found.force_n - force_n) < 3 * found.sigma_force_n < 0.01 * force_n
     assert total.force_n == pytest.approx(found.force_n, rel=1e-9)
     assert abs(found.torque_y_nmm) < 3 * found.sigma_torque_y_nmm
+
+
+def test_frames_forces_scatter_as_their_sigma_says():
+    """Of a force so small that noise is nearly all of its sigma; 60 frames know theirs to a tenth."""
+    reader, contact = ForceReader(rig()), [round_contact()]
+    read = [
+        reader.read(surface(outwards(ball, 0.0005), (0.0, 0.0), seed=seed), contact)[0][0]
+        for seed in range(60)
+    ]
+    scatter = np.std([one.force_n for one in read], ddof=1)
+    assert 0.8 < scatter / read[-1].sigma_force_n < 1.25
+
+
+def test_later_frames_are_read_by_the_first_ones_kernels_until_a_contact_moves(monkeypatch):
+    made, make = [], ForceFit.of
+    monkeypatch.setattr(ForceFit, "of", lambda *given: made.append(given) or make(*given))
+    reader, force = ForceReader(rig()), {}
+    for seed, x_mm in ((3, 0.0), (4, 0.01), (5, 2.0)):
+        pressed, contact = surface(outwards(ball, 0.02), (x_mm, 0.0), seed=seed), [round_contact(x_mm)]
+        force[seed] = reader.read(pressed, contact)[0][0].force_n
+        (own,), _ = ForceReader(rig()).read(pressed, contact)
+        # moved by a border's own sigma: hundredths of a percent
+        assert force[seed] == pytest.approx(own.force_n, rel=5e-4)
+    # each frame's own reader makes its kernels, too
+    assert len(made) == 2 + 3
 
 
 def test_forces_of_contacts_side_by_side_are_told_apart_and_their_sum_is_known_better():
@@ -121,7 +123,8 @@ def layer_slope(support: str, thickness_mm: float, force_n: float) -> Callable[[
 
 @pytest.mark.parametrize(("support", "low"), [("bonded", 0.05), ("sliding", 0.02)])
 def test_a_layers_force_is_read_with_the_layer_and_low_as_a_half_space(support, low):
-    pressed, contact = surface(layer_slope(support, 20.0, 0.05), (0.0, 0.0)), [round_contact()]
+    slope, contact = layer_slope(support, 20.0, 0.05), [round_contact()]
+    pressed = surface(slope, (0.0, 0.0), noise=0.1 * NOISE)
     right, _ = ForceReader(rig(support=support, thickness_mm=20.0)).read(pressed, contact)
     # the table of the bench's layer is linear between its points
     assert right[0].force_n == pytest.approx(0.05, rel=0.003)

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
+from planted_dents import ball, outwards, rig, round_contact, surface
 from small_rigs import paper
 
 import zeromethod as zm
 from benchmarks.rigs import coarser
 from zeromethod import load_rig, summarise
-from zeromethod.view.figure import _title, plot_run
+from zeromethod.view.figure import _draw_pressure, _title, plot_run
 
 
 @pytest.mark.parametrize("frames", [1, 8])
@@ -41,6 +45,16 @@ def test_the_title_compares_the_peak_with_the_deepest_true_point() -> None:
     error = 100 * (read_mm / truth["depth_deepest_mm"] - 1)
     assert f"true {truth['depth_deepest_mm']:.5f} mm ({error:+z.2f} %)" in _title(figures)
     assert np.isfinite(error)
+
+
+def test_the_pressure_on_the_largest_contact_is_drawn_where_the_modulus_is_known() -> None:
+    pressed = surface(outwards(ball, 0.02), (0.0, 0.0))
+    nulled: Any = SimpleNamespace(surface=pressed, contacts=(round_contact(),))
+    for rubber, panels in (({}, 2), ({"youngs_modulus_mpa": None}, 1)):
+        figure = Figure()
+        # with a scale of its own beside it
+        _draw_pressure(figure.subplots(), SimpleNamespace(rig=rig(**rubber)), nulled)  # type: ignore[arg-type]
+        assert len(figure.axes) == panels
 
 
 def test_a_peak_that_is_right_to_all_digits_is_not_minus_nothing() -> None:

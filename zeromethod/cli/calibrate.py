@@ -14,6 +14,7 @@ from zeromethod.cli.calibrate_bench import calibrate_bench
 from zeromethod.cli.calibrate_camera import board_command, intrinsics_command
 from zeromethod.cli.calibrate_fringes import fringes_command
 from zeromethod.cli.calibrate_options import calibrate_options, refuse_unused
+from zeromethod.cli.calibrate_weight import weight_command
 from zeromethod.cli.device_options import given_rig
 from zeromethod.cli.fringe_options import fringe_options, sequence_of
 from zeromethod.cli.numbers import Real, Whole
@@ -73,6 +74,7 @@ def calibrate_command(context: click.Context, /, **given: Any) -> None:
 calibrate_command.add_command(board_command)
 calibrate_command.add_command(intrinsics_command)
 calibrate_command.add_command(fringes_command)
+calibrate_command.add_command(weight_command)
 
 
 def _noise(rig: Rig | None, given: tuple[float, float] | None) -> NoiseModel | None:

@@ -5,6 +5,7 @@ from zeromethod.contact.finder import ContactFinder
 from zeromethod.contact.force import ForceReader, TotalForce
 from zeromethod.contact.lamp import Lamp
 from zeromethod.contact.polygon import closed, evenly
+from zeromethod.contact.pressure import PressureMap, pressure_map
 from zeromethod.contact.stripes import Stripes, stripes
 
 __all__ = [
@@ -14,10 +15,12 @@ __all__ = [
     "ContactImage",
     "ForceReader",
     "Lamp",
+    "PressureMap",
     "Probability",
     "Stripes",
     "TotalForce",
     "closed",
     "evenly",
+    "pressure_map",
     "stripes",
 ]

@@ -21,24 +21,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from zeromethod.arrays import Float
-from zeromethod.contact import load_slopes, slope_blocks
+from zeromethod.contact import force_fit
 from zeromethod.contact.contact import Contact
-from zeromethod.contact.loads import SHAPES, Loads, shares
-from zeromethod.contact.median import median
-from zeromethod.contact.slope_blocks import SlopeBlocks
+from zeromethod.contact.force_fit import ForceFit, Overlap
 from zeromethod.mechanics.yielding import Yielding
 from zeromethod.rig.model import Rig
 from zeromethod.surface import Surface
 
-_FEWEST = 24
-_PASSES = 3
-_MEDIAN = 0.6745
-"""Median of the size of a standard normal number."""
-_DOUBTED = 2.5
-"""Slopes that are farther off than so many standard deviations count less. Source: Huber 1964,
-doi:10.1214/aoms/1177703732."""
-_MODEL = 0.003
-"""What the kernel and the contact's border leave open of slopes, relative to them."""
 _FORCES = 0.0015
 """The same of forces: those of a ball, a punch, a cone and a rod were read 0.01 to 0.25 % low."""
 
@@ -51,23 +40,16 @@ class TotalForce:
     sigma_n: float = math.nan
 
 
-@dataclass(frozen=True, slots=True)
-class _Fit:
-    """Shares (n,) of all contacts' pressures, and their covariance."""
-
-    mean: Float
-    spread: Float
-
-
 class ForceReader:
     """Forces of the contacts of surface after surface."""
 
     def __init__(self, rig: Rig) -> None:
         self._yielding = Yielding.of(rig)
         self._geometry = rig.geometry
+        self._overlap = Overlap.of(rig)
+        self._fit: ForceFit | None = None
         if self._yielding is not None:
-            for module in (load_slopes, slope_blocks):
-                module.compile_ahead()
+            force_fit.compile_ahead()
 
     def read(self, surface: Surface, contacts: Sequence[Contact]) -> tuple[tuple[Contact, ...], TotalForce]:
         """The contacts with their forces and torques, and the sum; NaN where too little is read around them.
@@ -86,51 +68,17 @@ class ForceReader:
         """
         if self._yielding is None or not contacts:
             return tuple(contacts), TotalForce()
-        blocks = SlopeBlocks.of(surface, contacts)
-        if len(blocks.slope) < _FEWEST + SHAPES * len(contacts):
+        if self._fit is None or not (self._fit.serves(contacts) and self._fit.follow(surface)):
+            self._fit = ForceFit.of(surface, contacts, self._yielding, self._overlap)
+        if self._fit is None:
             return tuple(contacts), TotalForce()
-        loads = [Loads.of(contact) for contact in contacts]
-        fit = self._fitted(blocks, loads)
-        arms = np.zeros((len(contacts), 3, len(fit.mean)))
-        for k, (contact, load) in enumerate(zip(contacts, loads, strict=True)):
-            x, y = (load.cells - (contact.x_mm, contact.y_mm)).T
-            by_cell = np.stack([np.ones_like(x), -y, x])
-            arms[k, :, SHAPES * k : SHAPES * (k + 1)] = np.einsum("mc,sc->ms", by_cell, load.forces)
-        arms *= np.pi * self._yielding.modulus_mpa
+        fit, arms = self._fit, np.pi * self._yielding.modulus_mpa * self._fit.arms
         found = tuple(self._with(contact, fit, arm) for contact, arm in zip(contacts, arms, strict=True))
         total, sigma = _summed(fit, arms[:, 0].sum(axis=0)[None])
         middle = np.mean([(contact.x_mm, contact.y_mm) for contact in contacts], axis=0)
         return found, TotalForce(float(total[0]), math.hypot(sigma[0], self._open(*middle) * total[0]))
 
-    def _fitted(self, blocks: SlopeBlocks, loads: list[Loads]) -> _Fit:
-        """Shares of the pressures by slopes all over the mirror."""
-        terms = [self._terms(load, blocks.at_mm) for load in loads]
-        tilt = np.broadcast_to(np.eye(2), (len(blocks.slope), 2, 2))
-        weight = 1 / np.sqrt(blocks.variance + (_MODEL * blocks.slope) ** 2)
-        weighted = (np.concatenate([*terms, tilt], axis=2) * weight[..., None]).reshape(weight.size, -1)
-        wanted = (blocks.slope * weight).ravel()
-        trust = np.ones(wanted.size)
-        for _ in range(_PASSES):
-            fit = _regular(
-                *load_slopes.normal_equations(weighted * trust[:, None], wanted * trust), len(loads)
-            )
-            left = np.abs(wanted - np.einsum("nt,t->n", weighted, fit.mean))
-            usual = max(median(left) / _MEDIAN, 1.0)
-            # slopes beside a border, where the mirror may fold, can be off by any amount
-            trust = np.sqrt(np.minimum(1.0, _DOUBTED * usual / np.maximum(left, 1e-12)))
-        return _Fit(fit.mean, usual**2 * fit.spread)
-
-    def _terms(self, load: Loads, at_mm: Float) -> Float:
-        """(n, 2, SHAPES) mean slopes at points (n, 4, 2) by one contact; the body adds to its net force."""
-        assert self._yielding is not None
-        slopes = load_slopes.load_slopes(load, at_mm)
-        middle = np.einsum("c,ck->k", load.forces[0], load.cells)
-        added = self._yielding.added_slopes(at_mm.reshape(-1, 2), middle)
-        if added is not None:
-            slopes[:, :, 0] += added.reshape(at_mm.shape).mean(axis=1)
-        return slopes
-
-    def _with(self, contact: Contact, fit: _Fit, arms: Float) -> Contact:
+    def _with(self, contact: Contact, fit: ForceFit, arms: Float) -> Contact:
         """The contact with its force and torques and their sigmas; arms (3, n)."""
         values, sigmas = _summed(fit, arms)
         sigmas = np.hypot(sigmas, self._open(contact.x_mm, contact.y_mm) * values)
@@ -161,14 +109,6 @@ class ForceReader:
         return float(np.hypot(known, np.sqrt(((depth[:, 0] + stretch) ** 2).sum())))
 
 
-def _summed(fit: _Fit, arms: Float) -> tuple[Float, Float]:
+def _summed(fit: ForceFit, arms: Float) -> tuple[Float, Float]:
     """Sums (m,) of shares times arms (m, n), and their standard deviations."""
     return arms @ fit.mean, np.sqrt(np.einsum("mt,tu,mu->m", arms, fit.spread, arms))
-
-
-def _regular(normal: Float, right: Float, count: int) -> _Fit:
-    """Shares of the pressures of so many contacts, of which balls alone say how large the forces are."""
-    alone = np.concatenate([np.arange(0, SHAPES * count, SHAPES), [-2, -1]])
-    newtons = np.linalg.solve(normal[np.ix_(alone, alone)], right[alone])[:count]
-    mean, known = shares(normal, right, newtons)
-    return _Fit(mean, np.asarray(np.linalg.inv(known), np.float64))

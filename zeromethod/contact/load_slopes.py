@@ -82,8 +82,48 @@ def normal_equations(terms: Float, wanted: Float) -> tuple[Float, Float]:
     return normal, right
 
 
+@numba.njit(cache=True, nogil=True)
+def followed(
+    terms: Float,
+    gain: Float,
+    kept: Float,
+    limit: Float,
+    slopes: Float,
+    share: Float,
+    mean: Float,
+    passes: int,
+) -> Float:
+    """Shares (t,) by slopes (2 n,) of another frame: each pass takes what the last says where none is known.
+
+    terms, gain: (2 n, t) kernels, and what slopes add to shares. kept: (t, t) what the fit makes of its own
+    slopes. limit: (2 n,) beyond which residuals are cut off, but for the first pass. share: (n,) of each
+    block that is read.
+    """
+    count = len(mean)
+    for p in range(passes):
+        found = np.zeros(count)
+        for t in range(count):
+            for u in range(count):
+                found[t] += kept[t, u] * mean[u]
+        for n in range(len(slopes)):
+            read = share[n // 2]
+            if read == 0.0:
+                continue
+            left = slopes[n]
+            for t in range(count):
+                left -= read * terms[n, t] * mean[t]
+            if p > 0:
+                left = min(max(left, -limit[n]), limit[n])
+            for t in range(count):
+                found[t] += gain[n, t] * left
+        mean = found
+    return mean
+
+
 def compile_ahead() -> None:
     """Have the compiled functions ready before the first contact."""
     line, place = np.ones(1), np.ones(2)
     _slopes(np.ones((1, 4, 2)), np.zeros((1, 2)), line, np.ones((1, SHAPES)), np.array([0, 1]), place, line)
-    normal_equations(np.ones((1, 1)), line)
+    one = np.ones((1, 1))
+    normal_equations(one, line)
+    followed(np.ones((2, 1)), np.ones((2, 1)), one, place, place, line, line, 1)

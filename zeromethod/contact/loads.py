@@ -28,14 +28,19 @@ _OWN = 0.2837
 class Loads:
     """Pressures on one contact, as forces of cells that are small where the pressure of a punch is large.
 
-    cells: (n, 2) mm. own2_mm2: (n,) square of the distance from which a cell acts on itself. forces: (SHAPES,
-    n) that of a ball (sum 1), what a punch and a cone differ from it by, and a punch's tilted along x and y
-    and bent as xx, xy, yy in the contact's own axes.
+    cells: (n, 2) mm. area_mm2: (n,) their areas. forces: (SHAPES, n) that of a ball (sum 1), what a punch and
+    a cone differ from it by, and a punch's tilted along x and y and bent as xx, xy, yy in the contact's own
+    axes.
     """
 
     cells: Float
-    own2_mm2: Float
+    area_mm2: Float
     forces: Float
+
+    @property
+    def own2_mm2(self) -> Float:
+        """(n,) square of the distance from which a cell acts on itself."""
+        return _OWN**2 * self.area_mm2
 
     @classmethod
     def of(cls, contact: Contact) -> Loads:
@@ -64,7 +69,12 @@ class Loads:
         uneven = whole[1] * (uneven - (uneven * whole[1]).sum(axis=1, keepdims=True))
         uneven /= np.maximum(np.abs(uneven).sum(axis=1, keepdims=True), 1e-12)
         area = ((rho * depth * weight)[:, None] * sector).ravel()
-        return cls(offset + middle, _OWN**2 * area, np.concatenate([whole[:1], whole[1:] - whole[0], uneven]))
+        return cls(offset + middle, area, np.concatenate([whole[:1], whole[1:] - whole[0], uneven]))
+
+    @property
+    def middle_mm(self) -> Float:
+        """(2,) where a ball's force acts."""
+        return np.asarray(np.einsum("c,ck->k", self.forces[0], self.cells))
 
     def depth(self, at_mm: Float) -> Float:
         """Depth (n, SHAPES) at points (n, 2), mm, in 1 / (pi E*) of a newton."""

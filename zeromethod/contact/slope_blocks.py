@@ -8,8 +8,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import cv2
 import numba
 import numpy as np
+from numpy.typing import NDArray
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.contact.contact import Contact
@@ -19,45 +21,75 @@ _NEAR_MM = 1.0
 """Nodes within a contact's smaller axis and so many mm of its border stand alone; those up to twice as far
 are in blocks of 2 x 2, and so on."""
 _LARGEST = 8
-_SUMS = 9
+_SUMS = 11
 _CORNERS = np.array([(-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)])
+_RIM, _RIM_NODES = 0.3, 0.8
+"""Windows reach across a hole's rim: slopes are off by up to 15 % at the first node, which is left out, by
+2 % at the next, and so on. Relative error where nodes end, and over how many nodes it falls to a third."""
+_AROUND = np.ones((3, 3), np.uint8)
 
 
 @dataclass(frozen=True, slots=True)
 class SlopeBlocks:
-    """slope (n, 2) with its variance (n, 2), means over the nodes of a block.
+    """Which nodes make a block, and what is known of its mean slope.
 
-    at_mm: (n, 4, 2) points whose mean slope is the block's, to third order; one and the same of a node alone.
+    slope: (n, 2) when the blocks were made, and its variance (n, 2) by noise of nodes that is independent.
+    rim: (n,) relative error that rims of unread nodes leave open. nodes: (n,) of each block. at_mm: (n, 4, 2)
+    points whose mean slope is the block's, to third order; one and the same of a node alone. block, weight:
+    (rows, cols) to which block a node counts, -1 for none, and how much.
     """
 
     slope: Float
     variance: Float
+    rim: Float
+    nodes: Float
     at_mm: Float
+    block: NDArray[np.int64]
+    weight: Float
 
     @classmethod
     def of(cls, surface: Surface, contacts: Sequence[Contact]) -> SlopeBlocks:
         """All valid nodes of a surface, in blocks; those alone come first."""
         middles = np.array([(c.x_mm, c.y_mm, c.major_mm / 2, c.minor_mm + _NEAR_MM) for c in contacts])
-        place = surface.x_mm[..., None], surface.y_mm[..., None]
-        sums = _summed(
-            np.concatenate([surface.slope, surface.sigma_slope, *place], axis=-1),
-            surface.valid.copy(), middles, _LARGEST,
+        whole = surface.valid | ~surface.on_mirror
+        away = cv2.distanceTransform(whole.view(np.uint8), cv2.DIST_L2, 3).astype(np.float64)
+        block, weight, sums = _summed(
+            surface.slope, surface.sigma_slope, surface.x_mm, surface.y_mm, _usable(surface),
+            _RIM * np.exp(-away / _RIM_NODES), middles, _LARGEST,
         )  # fmt: skip
-        sums = sums[sums[:, 0] > 0]
-        mean = sums[:, 1:] / sums[:, :1]
+        mean = sums[:, 1:-1] / sums[:, :1]
         spread = np.maximum(mean[:, 2:4] - mean[:, :2] ** 2, 0.0)
         # rounding makes no places apart of a node alone
         spread[spread < 1e-9 * mean[:, 2:4]] = 0.0
         at = mean[:, None, :2] + np.sqrt(spread)[:, None] * _CORNERS
-        return cls(mean[:, 4:6], mean[:, 6:8] / sums[:, :1], at)
+        variance = mean[:, 6:8] / sums[:, :1]
+        return cls(mean[:, 4:6], variance, mean[:, 8], sums[:, -1], at, block, weight)
+
+    def now(self, surface: Surface) -> tuple[Float, Float]:
+        """Slopes (n, 2) of another reading, times the share (n,) of each block that is read in it."""
+        return _means(surface.slope, _usable(surface), self.block, self.weight, len(self.slope))
+
+
+def _usable(surface: Surface) -> Mask:
+    """Read nodes, all of whose neighbours on the mirror are read."""
+    whole = (surface.valid | ~surface.on_mirror).view(np.uint8)
+    return np.asarray(surface.valid & (cv2.erode(whole, _AROUND) > 0))
 
 
 @numba.njit(cache=True, nogil=True)
-def _summed(read: Float, valid: Mask, middles: Float, largest: int) -> Float:
-    """(blocks, 9) sums over the nodes of each block, some of them without nodes.
+def _summed(
+    slope: Float,
+    sigma: Float,
+    x_mm: Float,
+    y_mm: Float,
+    valid: Mask,
+    rim: Float,
+    middles: Float,
+    largest: int,
+) -> tuple[NDArray[np.int64], Float, Float]:
+    """Each node's block, -1 for none, and its weight, (rows, cols); sums (blocks, 11) over their nodes.
 
-    read: (rows, cols, 6) slopes, their standard deviations, x, y.
-    Sums of weights, and of weights times x, y, x^2, y^2, slopes and variance times weight.
+    Sums of weights, and of weights times x, y, x^2, y^2, slopes, variance times weight, and rim; of nodes.
     middles: (contacts, 4) x, y, half size, and reach beyond it.
     """
     rows, cols = valid.shape
@@ -66,12 +98,14 @@ def _summed(read: Float, valid: Mask, middles: Float, largest: int) -> Float:
     while side <= largest:
         starts.append(starts[-1] + ((rows + side - 1) // side) * ((cols + side - 1) // side))
         side *= 2
+    block = np.full((rows, cols), -1)
+    share = np.zeros((rows, cols))
     sums = np.zeros((starts[-1], _SUMS))
     for i in range(rows):
         for j in range(cols):
-            if not (valid[i, j] and np.isfinite(read[i, j, 2] + read[i, j, 3])):
+            if not (valid[i, j] and np.isfinite(sigma[i, j, 0] + sigma[i, j, 1])):
                 continue
-            x, y = read[i, j, 4], read[i, j, 5]
+            x, y = x_mm[i, j], y_mm[i, j]
             away = np.inf
             for k in range(len(middles)):
                 beyond = np.hypot(x - middles[k, 0], y - middles[k, 1]) - middles[k, 2]
@@ -79,19 +113,46 @@ def _summed(read: Float, valid: Mask, middles: Float, largest: int) -> Float:
             level, side = 0, 1
             while side < largest and away > side:
                 level, side = level + 1, side * 2
-            block = sums[starts[level] + (i // side) * ((cols + side - 1) // side) + j // side]
-            weight = 2.0 / (read[i, j, 2] ** 2 + read[i, j, 3] ** 2)
-            block[0] += weight
-            block[1] += weight * x
-            block[2] += weight * y
-            block[3] += weight * x * x
-            block[4] += weight * y * y
+            block[i, j] = starts[level] + (i // side) * ((cols + side - 1) // side) + j // side
+            own = sums[block[i, j]]
+            weight = 2.0 / (sigma[i, j, 0] ** 2 + sigma[i, j, 1] ** 2)
+            share[i, j] = weight
+            own[0] += weight
+            own[1] += weight * x
+            own[2] += weight * y
+            own[3] += weight * x * x
+            own[4] += weight * y * y
             for c in range(2):
-                block[5 + c] += weight * read[i, j, c]
-                block[7 + c] += weight * weight * read[i, j, 2 + c] ** 2
-    return sums
+                own[5 + c] += weight * slope[i, j, c]
+                own[7 + c] += weight * weight * sigma[i, j, c] ** 2
+            own[9] += weight * rim[i, j]
+            own[10] += 1.0
+    number = np.cumsum(sums[:, 0] > 0.0) - 1
+    for i in range(rows):
+        for j in range(cols):
+            if block[i, j] >= 0:
+                share[i, j] /= sums[block[i, j], 0]
+                block[i, j] = number[block[i, j]]
+    return block, share, sums[sums[:, 0] > 0.0]
+
+
+@numba.njit(cache=True, nogil=True)
+def _means(
+    slope: Float, valid: Mask, block: NDArray[np.int64], weight: Float, count: int
+) -> tuple[Float, Float]:
+    """Means (count, 2) over the valid nodes of each block, times the share (count,) of them."""
+    sums, share = np.zeros((count, 2)), np.zeros(count)
+    for i in range(valid.shape[0]):
+        for j in range(valid.shape[1]):
+            if valid[i, j] and block[i, j] >= 0:
+                for c in range(2):
+                    sums[block[i, j], c] += weight[i, j] * slope[i, j, c]
+                share[block[i, j]] += weight[i, j]
+    return sums, share
 
 
 def compile_ahead() -> None:
-    """Have the compiled function ready before the first contact."""
-    _summed(np.ones((1, 1, 6)), np.ones((1, 1), np.bool_), np.ones((1, 4)), _LARGEST)
+    """Have the compiled functions ready before the first contact."""
+    one, two, valid = np.ones((1, 1)), np.ones((1, 1, 2)), np.ones((1, 1), np.bool_)
+    block, weight, _ = _summed(two, two, one, one, valid, one, np.ones((1, 4)), _LARGEST)
+    _means(two, valid, block, weight, 1)

@@ -16,9 +16,6 @@ from zeromethod.rig.model import Rig
 NO_MODULUS = "the rig file has no rubber.youngs_modulus_mpa"
 """Why no force is read."""
 
-_REACH_MM = 1.5, 20.0
-"""Distances from a load between which most is known of its force."""
-
 
 @dataclass(frozen=True)
 class Layer:
@@ -35,16 +32,11 @@ class Layer:
             distance_mm < at[-1], np.interp(distance_mm, at, added), 1 / np.maximum(distance_mm, 1e-9) ** 2
         )
 
-    def change(self, other: Layer | None) -> float:
-        """By how much, relative, force reads otherwise if the layer is another one; None: a half-space."""
-        distance = np.linspace(*_REACH_MM, 200)
-        own, its = (
-            (one.slope_outwards(distance) if one is not None else 0.0) - distance**-2.0
-            for one in (self, other)
-        )
-        # what shapes without a net force do is fitted, too
-        terms = np.stack([its, distance**-4.0]) * np.sqrt(distance)
-        return abs(float(np.linalg.lstsq(terms.T, own * np.sqrt(distance), rcond=None)[0][0]) - 1)
+    def slopes(self, at_mm: Float, middle_mm: Float) -> Float:
+        """(n, 2) that the base adds per q at points (n, 2) under a load at (2,)."""
+        away = at_mm - middle_mm
+        distance = np.maximum(np.hypot(*away.T), 1e-9)
+        return np.asarray(away * (self.slope_outwards(distance) / distance)[:, None])
 
 
 @dataclass(frozen=True)
@@ -52,14 +44,15 @@ class Yielding:
     """How stiff the rubber is, with its standard deviation, and what its body adds to a half-space.
 
     modulus_mpa: E / (1 - nu^2); a force F makes a dent q / distance in a half-space, q = F / (pi modulus).
-    relative_sigma: of forces, by what is open of modulus, Poisson's ratio and thickness. Of layer
-    and body one at most.
+    relative_sigma: of forces, by what is open of modulus and Poisson's ratio. Of layer and body one at most.
+    other: a layer that is one standard deviation away from what is known.
     """
 
     modulus_mpa: float
     relative_sigma: float
     layer: Layer | None = None
     body: BodyKernel | None = None
+    other: Layer | None = None
 
     @classmethod
     def of(cls, rig: Rig) -> Yielding | None:
@@ -77,19 +70,23 @@ class Yielding:
             # of a half-space, off by as much as one that is bonded as deep as this prism is
             deep = PrismGeometry(rig.prism)
             half = deep.length_mm / 2 * min(np.tan(deep.pattern_angle_rad), np.tan(deep.camera_angle_rad))
-            return cls(modulus, math.hypot(relative, Layer(float(half), nu, True).change(None)))
+            return cls(modulus, relative, other=Layer(float(half), nu, True))
         if rubber.thickness_mm is None:
             return cls(modulus, relative, body=body_of(rig))
         layer = Layer(rubber.thickness_mm, nu, rubber.support == "bonded")
-        other = replace(layer, thickness_mm=rubber.thickness_mm + rubber.thickness_sigma_mm)
-        return cls(modulus, math.hypot(relative, layer.change(other)), layer)
+        sigma_mm = rubber.thickness_sigma_mm
+        other = replace(layer, thickness_mm=rubber.thickness_mm + sigma_mm) if sigma_mm else None
+        return cls(modulus, relative, layer, other=other)
 
     def added_slopes(self, at_mm: Float, middle_mm: Float) -> Float | None:
         """Slope (n, 2) at points (n, 2) that the body adds per q under a load at (2,); None: a half-space."""
         if self.body is not None:
             return self.body.slopes(at_mm, middle_mm)
-        if self.layer is None:
+        return None if self.layer is None else self.layer.slopes(at_mm, middle_mm)
+
+    def open_slopes(self, at_mm: Float, middle_mm: Float) -> Float | None:
+        """The standard deviation of that, the same way everywhere; None where nothing is open."""
+        if self.other is None:
             return None
-        away = at_mm - middle_mm
-        distance = np.maximum(np.hypot(*away.T), 1e-9)
-        return np.asarray(away * (self.layer.slope_outwards(distance) / distance)[:, None])
+        known = self.added_slopes(at_mm, middle_mm)
+        return self.other.slopes(at_mm, middle_mm) - (0.0 if known is None else known)

@@ -11,8 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from zeromethod.arrays import Float, Image
-from zeromethod.contact import Contact, closed
+from zeromethod.contact import Contact, closed, pressure_map
 from zeromethod.devices.protocols import TrueMirror
+from zeromethod.errors import InputError
 from zeromethod.fine.surface import FineSurface
 from zeromethod.loop.step import Step
 from zeromethod.session.result import RunResult
@@ -48,8 +49,8 @@ def plot_run(run: Session | RunResult, path: str | Path | None = None) -> Figure
     Returns
     -------
     matplotlib.figure.Figure
-        Twelve panels; those without data say so. A column more where something touches: its images; and one
-        where every pixel was read.
+        Twelve panels; those without data say so. A column more where something touches: its images, and
+        the pressure on the largest contact; and one where every pixel was read.
     """
     result = run.result if isinstance(run, Session) else run
     grid = NodeGrid.of_rig(result.rig)
@@ -61,6 +62,8 @@ def plot_run(run: Session | RunResult, path: str | Path | None = None) -> Figure
         axes = figure.subplots(3, columns)
         if touching:
             _draw_images(axes[:, 4], touching)
+            if len(touching) < len(axes) and nulled is not None:
+                _draw_pressure(axes[-1, 4], result, nulled)
         if fine is not None:
             _draw_pixels(axes[:, -1], fine, result)
         _camera_row(axes[0, :3], result, grid)
@@ -204,6 +207,20 @@ def _draw_images(axes: Sequence[Axes], contacts: Sequence[Contact]) -> None:
     for axis, contact in zip(axes, contacts, strict=False):
         assert contact.image is not None
         draw_contact(axis, contact.image, contact.outline_mm, f"contact {contact.id}")
+
+
+def _draw_pressure(axis: Axes, result: RunResult, nulled: Step) -> None:
+    """How the pressure is spread over the largest contact, where it is known how stiff the rubber is."""
+    assert nulled.surface is not None
+    try:
+        found = pressure_map(result.rig, nulled.surface, nulled.contacts)
+    except InputError:
+        return
+    axis.set_axis_on()
+    mesh = axis.tripcolor(found.x_mm, found.y_mm, 1e3 * found.pressure_mpa, shading="gouraud", vmin=0)
+    axis.set_aspect("equal")
+    labelled(axis, f"pressure, contact {nulled.contacts[0].id}", "x, mm", "y, mm")
+    colour_bar(axis, mesh, "kPa")
 
 
 def _section(axis: Axes, surface: Surface, truth: TrueMirror | None) -> None:

@@ -1,0 +1,51 @@
+"""Pressure inside a contact from the slopes around it, against closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from planted_dents import DENTS, E_STAR, RADIUS_MM, outwards, punch, rig, round_contact, surface
+
+from zeromethod import InputError, load_rig
+from zeromethod.contact import PressureMap, pressure_map
+
+DEPTH_MM = 0.02
+
+
+def pressure(name: str) -> tuple[PressureMap, float, np.ndarray]:
+    """The map of a dent's pressure; its force; pressure on nine rings from the middle, over the mean."""
+    dent, depth_per = DENTS[name]
+    force_n = DEPTH_MM * E_STAR * RADIUS_MM / depth_per
+    found = pressure_map(rig(), surface(outwards(dent, DEPTH_MM), (2.0, -1.0)), [round_contact(2.0, -1.0)])
+    return found, force_n, found.pressure_mpa.reshape(9, -1).mean(axis=1) * found.area_mm2.sum() / force_n
+
+
+def test_a_balls_pressure_has_its_maximum_and_its_sum():
+    """Hertz: 3/2 of the mean in the middle; Johnson 1985, 4.22."""
+    found, force_n, _ = pressure("ball")
+    assert found.force_n == pytest.approx(force_n, rel=0.01)
+    largest = 1.5 * force_n / (np.pi * RADIUS_MM**2)
+    assert found.pressure_mpa.max() == pytest.approx(largest, rel=0.05)
+    rho = np.hypot(found.x_mm - 2.0, found.y_mm + 1.0) / RADIUS_MM
+    hertz = largest * np.sqrt(np.maximum(1 - rho**2, 0.0))
+    assert np.mean(np.abs(found.pressure_mpa - hertz) > 2 * found.sigma_mpa) < 0.05
+
+
+@pytest.mark.parametrize(
+    ("name", "middle", "border"), [("punch", (0.0, 0.9), (1.3, 3.0)), ("cone", (1.6, 5.0), (0.0, 0.4))]
+)
+def test_where_a_punch_and_a_cone_press_most_is_seen_from_outside(name, middle, border):
+    """0.5 and 2.6 times the mean near the middle; a punch's rim has most of its load, a cone's hardly any."""
+    found, force_n, rings = pressure(name)
+    assert found.force_n == pytest.approx(force_n, rel=0.01)
+    assert middle[0] <= rings[1] <= middle[1]
+    assert border[0] <= rings[-2] <= border[1]
+    assert (found.pressure_mpa > -1e-9).all()
+
+
+def test_there_is_no_map_of_a_pull_or_without_a_modulus():
+    pulled = surface(outwards(punch, -0.01), (0.0, 0.0))
+    with pytest.raises(InputError, match="the contact pulls"):
+        pressure_map(rig(), pulled, [round_contact()])
+    with pytest.raises(InputError, match=r"rubber\.youngs_modulus_mpa"):
+        pressure_map(load_rig("simulated").replace({"rubber": {}}), pulled, [round_contact()])

@@ -1,0 +1,127 @@
+"""`zeromethod calibrate weight`: how stiff the rubber is, by a weight put on the mirror."""
+
+from __future__ import annotations
+
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import click
+
+from zeromethod.calibration.folder import calibration_of
+from zeromethod.cli.calibrated_bench import check_calibration
+from zeromethod.cli.device_options import (
+    BenchOptions,
+    bench_options,
+    given_rig,
+    opened_devices,
+    say_simulated,
+    scenario_options,
+    with_devices,
+    with_given,
+)
+from zeromethod.cli.numbers import Real
+from zeromethod.cli.output import summary_option, write_summary
+from zeromethod.cli.stopping import stopped_by_signals
+from zeromethod.errors import InputError
+from zeromethod.optics import check_geometry
+from zeromethod.rig.model import SIMULATED
+from zeromethod.rig.save import save_values
+from zeromethod.session.session import Session
+from zeromethod.session.trust import is_known
+from zeromethod.session.weighing import Weighed, check_weight, for_weighing, weigh
+from zeromethod.thread_limits import limit_threads
+
+_SIMULATED = "weight"
+"""What presses a simulated bench unless a scenario is given."""
+
+
+@click.command(
+    "weight", epilog="Example: zeromethod calibrate weight --rig my.toml --grams 20 --grams-sigma 0.02"
+)
+@click.option("--rig", "rig_name", required=True, help="Your rig file: it takes the modulus.")
+@bench_options
+@click.option(
+    "--grams", type=Real(min=0, min_open=True), required=True, help="All that will rest on the mirror, g."
+)
+@click.option(
+    "--grams-sigma",
+    "sigma_grams",
+    type=Real(min=0, min_open=True),
+    default=0.1,
+    show_default=True,
+    metavar="G",
+    help="How well that is known (standard deviation).",
+)
+@click.option(
+    "--patience",
+    "patience_s",
+    type=Real(min=0, min_open=True),
+    default=120.0,
+    show_default=True,
+    metavar="S",
+    help="Longest wait for the mirror at rest, and for the weight.",
+)
+@scenario_options
+@summary_option
+def weight_command(
+    rig_name: str,
+    grams: float,
+    sigma_grams: float,
+    patience_s: float,
+    scenario: str | None,
+    seed: int | None,
+    summary: Path | None,
+    **devices: Any,
+) -> None:
+    """Young's modulus of the rubber, from a known weight on a calibrated bench's mirror.
+
+    Mirror upwards and level. Nothing may touch it until the weight is asked for; then nothing else may. What
+    is found is written into the rig file, as youngs_modulus_mpa of [rubber].
+    """  # fmt: skip
+    check_weight(grams, sigma_grams)
+    path = Path(rig_name)
+    if not path.is_file():
+        given_rig(rig_name)  # says so where there is no such rig
+        raise InputError(f"--rig: {rig_name}: a rig file of your own, which takes the modulus")
+    rig = with_devices(given_rig(rig_name), BenchOptions(**devices))
+    if scenario is None and rig.camera.driver == SIMULATED:
+        scenario = _SIMULATED
+    rig = with_given(rig, scenario, simulation={"seed": seed})
+    check_geometry(rig)
+    say_simulated(rig)
+    limit_threads()
+    with stopped_by_signals(), opened_devices(rig) as opened:
+        stored = calibration_of(rig_name)
+        if stored is not None:
+            check_calibration(stored, rig_name, rig, opened, force=False)
+        elif not is_known(rig, opened.camera):
+            raise InputError(
+                f"--rig: {rig_name}: not calibrated: zeromethod calibrate --rig {rig_name} first"
+            )
+        with Session(for_weighing(rig), devices=opened) as session, closing(session.run()) as steps:
+            found = weigh(steps, grams, sigma_grams, patience_s, lambda words: click.echo(words, err=True))
+    save_values(path, found.rig_values)
+    for line in _words(found, path):
+        click.echo(line)
+    write_summary(summary, _figures(found))
+
+
+def _words(found: Weighed, path: Path) -> list[str]:
+    causes = ", ".join(f"{name} {share:.2%}" for name, share in found.sigma_share.items())
+    where = "1 contact" if found.contacts == 1 else f"{found.contacts} contacts"
+    return [
+        f"Young's modulus {found.youngs_modulus_mpa:.4g} MPa, sigma {found.sigma_mpa:.2g} MPa ({causes})",
+        f"  by {found.weight_n:.4g} N on {where}",
+        f"stored as rubber.youngs_modulus_mpa, rubber.youngs_modulus_sigma_mpa in {path}",
+    ]
+
+
+def _figures(found: Weighed) -> dict[str, Any]:
+    return {
+        "youngs_modulus_mpa": found.youngs_modulus_mpa,
+        "sigma_mpa": found.sigma_mpa,
+        "weight_n": found.weight_n,
+        "contacts": found.contacts,
+        "sigma_share": found.sigma_share,
+    }
