@@ -66,7 +66,7 @@ class Curl:
 
 @dataclass(frozen=True, slots=True)
 class _Templates:
-    """What was worked out for one mask (rows, cols), a reading's variance (rows, cols, 2), and weights, by number.
+    """What was worked out for a mask (rows, cols), variance (rows, cols, 2) and weights, by their number.
 
     across, down: (terms, ...) weighted steps left over by each visible combination, the constant last.
     inverse: (terms, terms) from their products with the steps found to amplitudes. covariance: (visible,

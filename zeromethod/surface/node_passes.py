@@ -44,7 +44,7 @@ def sum_on(values: Float, nodes: Mask) -> float:
 
 
 @numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc"})
-def dot(one: Float, other: Float) -> float:
+def dot(one: Float, other: Float | Mask) -> float:
     """Sum of products of values (rows, cols).
 
     In the same order on every machine's threads, which sums by a library are not; and it starts none.
