@@ -45,6 +45,7 @@ from zeromethod.commissioning.calibration import evaluate
 from zeromethod.devices.opening import open_devices
 from zeromethod.devices.protocols import TrueMirror
 from zeromethod.errors import InputError
+from zeromethod.loop.frame_outcome import BURST_REASONS
 from zeromethod.loop.state import NULLED, State
 from zeromethod.loop.step import Step
 from zeromethod.optics import DepthField, check_geometry
@@ -58,8 +59,8 @@ from zeromethod.surface import Peak, Surface
 
 SIGMAS, FAR_SIGMAS = 3.0, 5.0
 FRAMES_TO_NAME = 10
-PRESS_AT, FAULT_AT, LAST = 12, 24, 48
-"""Frames at which the press and the fault come, and the last one."""
+PRESS_AT, FAULT_AT, LAST, READ_BY = 12, 24, 48, 160
+"""Frames at which the press and the fault come, the last one, and the last where coded pictures read on."""
 
 EARLY = frozenset({State.NULLING, State.RESTING})
 SETTLED = 6
@@ -95,9 +96,10 @@ class Outcome:
 
     named: a frame from the fault on had a state that names one. effect: largest error of the peak over its
     sigma from the fault on, in frames called good or named. unnamed: the same of frames called good more than
-    `FRAMES_TO_NAME` after the effect first passed `SIGMAS`. good: whether the last frame was called good.
-    errors, sigmas: of peaks called good, mm. early: error over sigma of peaks not yet nulled, or at rest, by
-    state. nodes, beyond: called good, and those off by more than `SIGMAS`.
+    `FRAMES_TO_NAME` after the effect first passed `SIGMAS`. good: whether frame `LAST` was called good.
+    read: the same of the last one, where coded pictures were to be waited for. errors, sigmas: of peaks
+    called good, mm. early: error over sigma of peaks not yet nulled, or at rest, by state. nodes, beyond:
+    called good, and those off by more than `SIGMAS`.
     """
 
     kind: str
@@ -105,6 +107,7 @@ class Outcome:
     effect: float = 0.0
     unnamed: float = 0.0
     good: bool = False
+    read: bool = False
     errors: list[float] = field(default_factory=list)
     sigmas: list[float] = field(default_factory=list)
     early: dict[str, list[float]] = field(default_factory=dict)
@@ -204,13 +207,17 @@ def judged(case: Case) -> Outcome:
     """Run a case and hold every reading against the truth at its own place."""
     out = Outcome(case.kind)
     passed: int | None = None
+    waits = False
     with open_devices(case.bench) as devices:
         camera = devices.camera
         assert isinstance(camera, SimulatedCamera)
         camera.scenario = pressed(case.bench, case.dents)
         with Session(case.believed, devices=devices) as session:
-            for step in session.run(frames=LAST):
+            for step in session.run(frames=READ_BY):
                 frame, peak = step.frame_number, step.peak
+                if step.number > LAST and not waits:
+                    break
+                waits = step.reason in BURST_REASONS or (waits and step.state is State.NULLING)
                 if frame is None or peak is None or step.surface is None:
                     continue
                 good, named = step.state in NULLED, step.state in {State.MOVED, State.UNCALIBRATED}
@@ -223,7 +230,7 @@ def judged(case: Case) -> Outcome:
                         out.sigmas.append(sigma_mm)
                 if case.fault_at is None and step.state in EARLY and frame not in (PRESS_AT - 1, PRESS_AT):
                     out.early.setdefault(step.state.value, []).append(ratio)
-                out.good = good
+                out.good, out.read = good if step.number <= LAST else out.good, good
                 if case.fault_at is None or frame >= case.fault_at:
                     out.named |= named
                     out.effect = max(out.effect, ratio if good or named else 0.0)
@@ -298,8 +305,8 @@ def summarise(outcomes: Sequence[Outcome]) -> Report:
     z = errors / sigmas
     missed = [one for one in faulty if one.unnamed > SIGMAS]
     named = [one for one in fair if one.named]
-    drawable = [one.good for one in fair if one.kind != BEYOND]
-    good = float(np.mean(drawable)) if drawable else float("nan")
+    drawable = [(one.good, one.read) for one in fair if one.kind != BEYOND]
+    good, read = np.mean(drawable, axis=0) if drawable else (float("nan"), float("nan"))
     share = sum(one.beyond for one in outcomes) / max(sum(one.nodes for one in outcomes), 1)
     rms_mm, median_mm = float(np.sqrt(np.mean(errors**2))), float(np.median(sigmas))
     beyond, far = int(np.sum(z > SIGMAS)), int(np.sum(z > FAR_SIGMAS))
@@ -308,6 +315,7 @@ def summarise(outcomes: Sequence[Outcome]) -> Report:
         Figure("faults of effect over 3 sigma, called good 10 frames on", f"{len(missed)}", "0", not missed),
         Figure("honest runs named", f"{len(named)} of {len(fair)}", "0", not named),
         Figure("honest runs called good at the end", f"{good:.1%}", ">= 95 %", good >= 0.95),
+        Figure("the same once coded pictures have read what none nulls", f"{read:.1%}"),
         Figure("honest peaks beyond 3 sigma", f"{beyond} of {len(z)}", f"<= {most}", beyond <= most),
         Figure("honest peaks beyond 5 sigma", f"{far}", "0", far == 0),
         *(_early(fair, state.value) for state in sorted(EARLY)),

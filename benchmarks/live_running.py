@@ -26,7 +26,7 @@ from benchmarks.memory_devices import (
     Prepared,
     fingerprint,
 )
-from benchmarks.processor_time import spent_ms
+from benchmarks.process_use import spent_ms
 from benchmarks.rigs import changed
 from zeromethod.clock import Clock
 from zeromethod.contact import ContactFinder

@@ -19,6 +19,7 @@ from urllib.parse import urlsplit
 
 import numpy as np
 
+from benchmarks.process_use import memory_mb
 from benchmarks.report import Figure, Report, benchmark, start
 from zeromethod.operating.readings import HISTORY
 from zeromethod.operating.run_table import RUN
@@ -113,12 +114,6 @@ class Viewers:
             length = int.from_bytes(await reader.readexactly(2 if length == 126 else 8), "big")
         await reader.readexactly(length)
         return kind
-
-
-def memory_mb(process: int) -> float:
-    """What a process alone holds, MB."""
-    with open(f"/proc/{process}/smaps_rollup", encoding="ascii") as file:
-        return next(float(line.split()[1]) for line in file if line.startswith("Private_Dirty")) / 1e3
 
 
 async def _look(page: PageProcess, messages: int) -> tuple[list[int], list[float], float]:

@@ -31,8 +31,7 @@ def shared_memory(name: str, size: int) -> int:
 class ArrayExchange:
     """One side of the exchange, with memory for the arrays of one message in each of its parts.
 
-    What is received is a copy: the answer may take the same place. Arrays that find no room go through the
-    pipe.
+    Arrays that find no room go through the pipe.
     """
 
     def __init__(self, handle: int, parts: int = 1) -> None:
@@ -63,8 +62,12 @@ class ArrayExchange:
         pickle.dump((pickled, places), stream, pickle.HIGHEST_PROTOCOL)
         stream.flush()
 
-    def receive(self, stream: IO[bytes]) -> Any:
-        """Receive an object. Raises EOFError where nobody sends any more, and what `pickle.load` does."""
+    def receive(self, stream: IO[bytes], copied: bool = True) -> Any:
+        """Receive an object. Raises EOFError where nobody sends any more, and what `pickle.load` does.
+
+        copied: else its arrays lie in the memory, where the next message by the same part replaces them.
+        """
         pickled, places = pickle.load(stream)
-        with memoryview(self._memory) as memory:
-            return pickle.loads(pickled, buffers=[bytearray(memory[place]) for place in places])
+        memory = memoryview(self._memory)
+        parts = (memory[place] for place in places)
+        return pickle.loads(pickled, buffers=[bytearray(part) if copied else part for part in parts])

@@ -17,7 +17,7 @@ The whole view:
 - press: one of 5 nm (8 nm where the lever is short), sigma 5 mm, by a matched filter;
 - pads: sigma 5 mm at 2, 10 and 50 um, binned by 2, against open loops;
 - mean: that of 10,000 frames, with jitter, a wrong delay and the chip's fixed pattern;
-- loop: its time with the target still, moving, and read alongside.
+- loop: its time with the target still, moving, and read alongside; what a reading takes.
 
 Seed by seed: with --results a part goes on from where it was stopped.
 """
@@ -164,6 +164,9 @@ def figures(found: Results) -> list[Figure]:
             add(
                 f"loop_ms, {name} over still ({of['still'][0]:.2f} ms)", f"{ratio:.3f}", "1.05", ratio <= 1.05
             )
+        memory_mb, reading_ms = float(of["memory_mb"][0]), float(of["reading_ms"][0])
+        add("memory of the process that reads pixels", f"{memory_mb:.0f} MB", "400 MB", memory_mb < 400.0)
+        add("its processor time for a reading", f"{reading_ms:.0f} ms", "500 ms", reading_ms <= 500.0)
     return out
 
 
@@ -183,7 +186,7 @@ def table(found: Results) -> Sequence[Sequence[str]]:
 PART = click.option(
     "--part", "which", multiple=True, type=click.Choice(PARTS), help="Only this; may be given again."
 )
-SEEDS = click.option("--seeds", type=click.IntRange(1), help="20 unless told; 2 with --quick.")
+SEEDS = click.option("--seeds", type=click.IntRange(1), help="20 unless given; 2 with --quick.")
 RESULTS = click.option(
     "--results",
     type=click.Path(dir_okay=False, path_type=Path),

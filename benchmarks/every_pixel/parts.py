@@ -17,6 +17,7 @@ from benchmarks.every_pixel.scenes import (
     wave_height,
     waved,
 )
+from benchmarks.process_use import memory_mb, spent_ms
 from benchmarks.rigs import changed, opened, pressed
 from zeromethod.arrays import Float, Single
 from zeromethod.errors import InputError
@@ -193,7 +194,10 @@ def long_mean(frames: int, binning: int) -> Found:
 
 
 def loop_cost(frames: int) -> Found:
-    """Median time of the loop, ms: target at rest, moving, and moving with fine surfaces read alongside."""
+    """Median time of the loop, ms: target at rest, moving, and moving with fine surfaces read alongside.
+
+    And a fine reading's processor time, ms, and the most memory that its process alone holds, MB.
+    """
     rig = load_rig("simulated").model_copy(update={"scenario": "none"})
     times: dict[str, list[float]] = {"still": [], "step": [], "fine": []}
     with ExitStack() as stack:
@@ -202,10 +206,15 @@ def loop_cost(frames: int) -> Found:
         one = benches["fine"]
         readings = FineReadings(one.rig, one.optics, one.loop.grid, one.truth)
         stack.enter_context(readings.in_own_process())
+        process, memory, spent = readings.process_id or 0, [0.0], [0.0]
         runs = {name: bench.loop.run(frames=frames) for name, bench in benches.items()}
         for steps in zip(*runs.values(), strict=True):
             for name, step in zip(runs, steps, strict=True):
                 times[name].append(step.loop_ms)
             readings.add(steps[-1])
-            readings.collect()
-    return {name: float(np.median(values[frames // 4 :])) for name, values in times.items()}
+            memory.append(memory_mb(process))
+            if readings.collect():
+                spent.append(spent_ms({"fine": process})["fine"])
+    medians = {name: float(np.median(values[frames // 4 :])) for name, values in times.items()}
+    # the first one compiles, or loads what was
+    return medians | {"memory_mb": max(memory), "reading_ms": float(np.median(np.diff(spent)[1:]))}

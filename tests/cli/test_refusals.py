@@ -47,7 +47,7 @@ HELPERS = {
     "live_running",
     "browser",
     "memory_devices",
-    "processor_time",
+    "process_use",
     "fringe_bench",
     "parts",
     "against_peers",

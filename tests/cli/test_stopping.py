@@ -92,6 +92,7 @@ def running(
     process = start(
         f"run --rig {display}.toml --camera our_lab:{camera}",
         cwd=folder,
+        env=os.environ | {"PYTHONFAULTHANDLER": "1"},
         stdin=subprocess.DEVNULL if terminal is None else terminal,
         preexec_fn=None if terminal is None else take_terminal,
     )
@@ -108,7 +109,11 @@ def running(
 def ended(process: subprocess.Popen[str]) -> tuple[int, float, str]:
     """(exit code, seconds until then, what it wrote on standard error)."""
     started = time.monotonic()
-    _, err = process.communicate(timeout=PATIENCE_S)
+    try:
+        _, err = process.communicate(timeout=PATIENCE_S)
+    except subprocess.TimeoutExpired:
+        process.send_signal(signal.SIGABRT)  # its threads' stacks then stand in what it wrote
+        raise AssertionError(process.communicate()[1]) from None
     return process.returncode, time.monotonic() - started, err
 
 

@@ -11,6 +11,7 @@ import pytest
 from small_rigs import with_tables
 
 from zeromethod import MeasurementError, Rig, check_bench, open_devices
+from zeromethod.commissioning.calibration.prompts import Silent
 from zeromethod.commissioning.daily_check import check
 from zeromethod.commissioning.daily_check.findings import DailyCheck, Finding, Fitness, Subject
 from zeromethod.commissioning.daily_check.log import COLUMNS, append_check, log_of
@@ -127,6 +128,11 @@ def test_a_camera_lost_while_the_loop_runs_says_nothing_about_the_calibration():
     rest = of(found, Subject.REST)
     assert rest.fitness is found.fitness is Fitness.UNFIT
     assert "the camera is lost" in rest.words
+
+
+def test_where_no_frame_came_frames_are_not_good():
+    none = check._Check(RIG, None, Silent())._frames(check._Frames())
+    assert none.fitness is Fitness.UNFIT
 
 
 def test_what_is_left_after_re_zeroing_is_that_of_a_traced_press():

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from zeromethod.fine.integrate import PixelIntegrator, step_weights
+from zeromethod.fine.integrate import PixelIntegrator, sources, step_weights
 from zeromethod.fine.noise import depth_variance, wave_variance
 from zeromethod.surface.differences import depth_differences
 
@@ -25,7 +25,9 @@ def solved(slope, slope2, valid):
     steps = across.astype(np.float32), np.ascontiguousarray(down, dtype=np.float32)
     integrator = PixelIntegrator(SHAPE)
     weights = step_weights(slope2.astype(np.float32), x, y, valid)
-    return integrator.solve(steps, weights, np.zeros(SHAPE, np.float32)), integrator.iterations
+    x = np.zeros(SHAPE, np.float32)
+    integrator.solve(sources(steps, weights), weights, x)
+    return x, integrator.iterations
 
 
 @pytest.mark.parametrize("uneven", [False, True])

@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from benchmarks.rigs import VIEW_MIDDLE_MM, changed, opened, pressed, small_rig
+from benchmarks.rigs import VIEW_MIDDLE_MM, changed, opened, pressed
 from zeromethod import Recording, Session, State, load_rig, open_devices
-from zeromethod.loop.burst import Burst
 from zeromethod.loop.events import Event
-from zeromethod.optics import Optics
 from zeromethod.pattern.coded import PICTURES
 from zeromethod.session.replay.from_frames import replay_from_frames
 from zeromethod.session.replay.window import Window
-from zeromethod.warp.rest import Rest
 from zeromethod.warp.validity import Flag
-from zeromethod.warp.warp import Warp
 
 PRESS_S, FRAMES = 0.1, 110
 DEPTH_MM, SIZE_MM = 0.05, 1.0
@@ -115,25 +110,6 @@ def test_a_recording_of_a_burst_replays_bit_for_bit(run, file):
         warps, depths, _ = replay_from_frames(recording, recording.rig, Window.of(recording))
     assert warps.different == depths.different == []
     assert warps.steps > 2 * PICTURES
-
-
-@pytest.mark.parametrize("bent", [False, True])
-def test_nodes_that_fail_where_the_mirror_is_flat_have_dirt_before_them_and_wait_for_no_burst(bent):
-    rig = small_rig()
-    rest = Rest.of(rig, Optics(rig))
-    burst = Burst(rest, 0.0, always=False)
-    light = SimpleNamespace(mean=np.ones(rest.flags.shape, np.float32), flags=rest.flags * 0)
-    burst.take_reference(light)
-    sigma, q = np.full_like(rest.q, 0.01), rest.q.copy()
-    rows, cols = np.mgrid[0:4, 0:4] + np.array(rest.flags.shape)[:, None, None] // 2
-    if bent:
-        q[rows, cols] += 3.0 * (cols - cols[0, 0])[..., None]
-    seen = SimpleNamespace(weights=np.ones((1, 1)), entries=np.zeros(1, np.int64))
-    for frame in range(6):
-        flags = np.zeros_like(rest.flags)
-        flags[rows[frame % 2 :: 2], cols[frame % 2 :: 2]] = Flag.UNDRAWABLE
-        burst.take(np.zeros((1, 1)), seen, light, Warp(q, sigma, flags, frame), q)
-        assert burst.unread is bent
 
 
 def test_coded_pictures_are_numbered_in_the_order_in_which_they_are_drawn(run):

@@ -28,8 +28,9 @@ from zeromethod.mechanics.yielding import Yielding
 from zeromethod.rig.model import Rig
 from zeromethod.surface import Surface
 
-_FORCES = 0.0015
-"""The same of forces: those of a ball, a punch, a cone and a rod were read 0.01 to 0.25 % low."""
+_FORCES = 0.0008
+"""What the kernel and shapes leave open of forces, relative to them: means over frames of 15 balls, cones,
+punches and rods were off by 0.07 %, rms, on the simulated bench."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,9 +23,9 @@ are in blocks of 2 x 2, and so on."""
 _LARGEST = 8
 _SUMS = 11
 _CORNERS = np.array([(-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)])
-_RIM, _RIM_NODES = 0.3, 0.8
-"""Windows reach across a hole's rim: slopes are off by up to 15 % at the first node, which is left out, by
-2 % at the next, and so on. Relative error where nodes end, and over how many nodes it falls to a third."""
+_RIM, _RIM_NODES = 0.1, 0.8
+"""Windows reach across a hole's rim: slopes are off by 5 to 15 % at the first node, which is left out, by one
+at the next, and less beyond. Relative error where nodes end, and over how many nodes it falls to a third."""
 _AROUND = np.ones((3, 3), np.uint8)
 
 

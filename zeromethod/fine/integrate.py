@@ -74,6 +74,13 @@ def _divergence(across: Single, down: Single, of_across: Single, of_down: Single
                 out[i, j] -= flow
 
 
+def sources(steps: tuple[Single, Single], weights: tuple[Single, Single]) -> Single:
+    """(rows, cols) of steps and weights, (rows, cols-1) across and (rows-1, cols) down each."""
+    out = np.empty((len(steps[0]), steps[1].shape[1]), np.float32)
+    _divergence(*steps, *weights, out)
+    return out
+
+
 def eigenvalues(shape: tuple[int, ...], across: float, down: float) -> Float:
     """Of the Laplacian with these weights of all steps, by the wave numbers of the cosine transform."""
     rows, cols = (2.0 - 2.0 * np.cos(np.pi * np.arange(n) / n) for n in shape)
@@ -129,19 +136,18 @@ class PixelIntegrator:
         self.iterations = 0
         """Of the last solution."""
 
-    def solve(self, steps: tuple[Single, Single], weights: tuple[Single, Single], start: Single) -> Single:
-        """E (rows, cols), up to a constant, that makes these steps.
+    def solve(self, left: Single, weights: tuple[Single, Single], x: Single) -> None:
+        """Make x (rows, cols), where to begin, what makes the steps of these sources, up to a constant.
 
-        steps, weights: (rows, cols-1) across and (rows-1, cols) down; steps of weight 0 count nothing. start:
-        (rows, cols), where to begin. Pixels without steps get what the smooth continuation gives.
+        left: of `sources`, used up. weights: (rows, cols-1) across and (rows-1, cols) down; steps of weight 0
+        count nothing. Pixels without steps get what the smooth continuation gives.
         """
         across, down = weights
         nearly = _Nearly(across, down)
-        right, x, product = np.empty(self._shape, np.float32), start.copy(), np.empty(self._shape, np.float32)
-        _divergence(*steps, across, down, right)
-        enough = ENOUGH**2 * _dot(right, nearly.solved(right))
+        product = np.empty(self._shape, np.float32)
+        enough = ENOUGH**2 * _dot(left, nearly.solved(left))
         _apply(x, across, down, product)
-        left = right - product
+        left -= product
         guess = nearly.solved(left)
         size = _dot(left, guess)
         way = guess.copy()
@@ -157,7 +163,6 @@ class PixelIntegrator:
             way *= np.float32(size / before)
             way += guess
             self.iterations += 1
-        return x
 
 
 class _Nearly:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from zeromethod.arrays import Float, Mask
+from zeromethod.arrays import Float, Mask, Single
 from zeromethod.fine.blend import blend, blended_variance, fine_share
-from zeromethod.fine.demodulate import Demodulated, Design, stood
+from zeromethod.fine.demodulate import Design
 from zeromethod.fine.frames import FineFrame, FrameSequence, matvec
 from zeromethod.fine.lattice import PixelLattice
 from zeromethod.sensing.window import triangle
@@ -51,22 +51,25 @@ def read_nodes(
     sequence: FrameSequence,
     design: Design,
     late_s: Float,
-    pixels: Demodulated,
+    d: Single,
+    variance: Single,
     usable: Mask,
+    standing: Mask,
 ) -> NodeWindows:
     """Blend of the newest frame's nodes with the window means of the fit of all frames.
 
-    sequence, design: of the frames, whose pictures came late by late_s (N,). pixels: their fit between the
-    nodes, of which `usable` (rows, cols) are.
+    sequence, design: of the frames, whose pictures came late by late_s (N,). d, variance: (rows, cols, 2) of
+    the pixels between the nodes, camera px and px^2, of which `usable` (rows, cols) are; `standing`: whose
+    frames agree with each other.
     """
     grid, newest = lattice.grid, frames[-1].measured
     per_rad = grid.period_px / (2 * np.pi)
     shown, bending = sequence.shown, sequence.bending
     # what the fit took for the mean: displacements against each frame's own warp and phases
     excess = np.einsum("kt,trck->rck", design.weights, sequence.apart)
-    added = [frame.measured.q - compose(frame.shown, frame.d, grid.spacing_px) for frame in frames]
-    added_mean = np.nan_to_num(np.mean(added, axis=0))
-    means, part = lattice.window_means(pixels.d, usable)
+    added = sum(frame.measured.q - compose(frame.shown, frame.d, grid.spacing_px) for frame in frames)
+    added_mean = np.nan_to_num(np.asarray(added) / len(frames))
+    means, part = lattice.window_means(d, usable)
     inner_d = np.where((part > _LEAST_WINDOW)[..., None], means - excess[grid.inner], np.nan)
     fine = compose(shown, grid.padded(inner_d, np.nan), grid.spacing_px) + added_mean
     late_px = per_rad * np.stack([x * one.node_late_rad_per_s for x, one in zip(late_s, frames, strict=True)])
@@ -79,13 +82,14 @@ def read_nodes(
     share = fine_share(matvec(across, coarse - shown), matvec(across * across, noise2), valid, turns)
     share[~np.isfinite(fine).all(axis=-1)] = 0.0
     # what is too fine or steep for a window may still be seen pixel by pixel
-    by_pixels = grid.padded((part > _WHOLE_WINDOW) & _standing(lattice, pixels, usable), False)
+    still, _ = lattice.window_means(standing[..., None].astype(np.float32), usable)
+    by_pixels = grid.padded((part > _WHOLE_WINDOW) & (still[..., 0] > _WHOLE_WINDOW), False)
     by_pixels &= ~valid & (newest.flags & _SEEN_BY_PIXELS == newest.flags) & np.isfinite(fine).all(axis=-1)
     share[by_pixels] = 1.0
-    variance, _ = lattice.window_means(pixels.variance, usable)
+    pixels2, _ = lattice.window_means(variance, usable)
     gain = float((triangle(grid.period_px) ** 2).sum()) ** 2
     with np.errstate(invalid="ignore", divide="ignore"):
-        window2 = grid.padded(gain * variance / part[..., None], np.nan)
+        window2 = grid.padded(gain * pixels2 / part[..., None], np.nan)
     fine2 = matvec(bending * bending, window2)
     q = blend(coarse[-1], fine, share)
     sigma = np.sqrt(blended_variance(newest.sigma**2, fine2, share, len(frames)))
@@ -94,9 +98,3 @@ def read_nodes(
     warp = Warp(np.where(by_pixels[..., None], fine, q), sigma, flags, newest.time_ns, Role.MEASURED)
     offset = added_mean - matvec(bending, excess)
     return NodeWindows(warp, shown, offset, np.where(np.isfinite(fine), fine, q), share, bending)
-
-
-def _standing(lattice: PixelLattice, pixels: Demodulated, usable: Mask) -> Mask:
-    """(inner rows, inner cols) nodes in whose window nearly all pixels' frames agree with each other."""
-    still, _ = lattice.window_means(stood(pixels)[..., None].astype(np.float32), usable)
-    return np.asarray(still[..., 0] > _WHOLE_WINDOW)

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from zeromethod.arrays import Float, Image, Mask, Single
-from zeromethod.fine.demodulate import Demodulated, Design, demodulate, usable_pixels
+from zeromethod.fine.demodulate import Demodulated, Design, demodulate, stood, usable_pixels
 from zeromethod.fine.detail import pixel_detail
 from zeromethod.fine.footprint import Footprint
 from zeromethod.fine.frames import FineFrame, FrameSequence
-from zeromethod.fine.integrate import PixelIntegrator, gradient, largest_part, step_weights, take_out
+from zeromethod.fine.integrate import PixelIntegrator, gradient, largest_part, sources, step_weights, take_out
 from zeromethod.fine.lateness import lateness
 from zeromethod.fine.lattice import PixelLattice
 from zeromethod.fine.nodes import NodeWindows, read_nodes
@@ -82,35 +82,8 @@ class FineReader:
         InputError
             Where the target's phases in these frames do not determine a pixel's displacement.
         """
-        images = [frame.image for frame in frames]
-        sequence = FrameSequence.of(frames, self._grid)
-        steps = sequence.steps
-        late_s = lateness(images, steps, Design.of(steps), self._noise_grey(images))
-        design = Design.of(steps, late_s)
-        pixels = self._demodulated(images, design)
-        limits = Limits()
-        ceiling = 2**self._camera.bits - 1
-        usable = usable_pixels(pixels, ceiling, limits.visibility, _MOST_SIGMA_PX)
-        nodes = read_nodes(self._lattice, frames, sequence, design, late_s, pixels, usable)
-        d, variance = pixels.d, pixels.variance
-        del images, sequence, pixels
-        return self._read_pixels(nodes, d, variance, usable, len(frames))
-
-    def _noise_grey(self, images: Sequence[Image]) -> float:
-        noise = self._camera.noise
-        per_grey = 0.0 if noise.electrons_per_grey is None else 1.0 / noise.electrons_per_grey
-        light = max(float(images[0][::8, ::8].mean()) - noise.black_grey, 0.0)
-        return float(np.sqrt(noise.read_grey**2 + 1 / 12 + per_grey * light))
-
-    def _demodulated(self, images: Sequence[Image], design: Design) -> Demodulated:
-        """Pixels between the nodes."""
-        return demodulate(images, design, self._grid.period_px, self._camera.noise, self._lattice.box)
-
-    def _read_pixels(
-        self, nodes: NodeWindows, d: Single, variance: Single, seen: Mask, count: int
-    ) -> FineSurface:
-        """Surface of displacements of this variance, (rows, cols, 2), which it uses up as it does `seen`."""
         lattice, inner = self._lattice, self._grid.inner
+        nodes, d, variance, seen = self._fitted(frames)
         surface = self._reader.follow(nodes.warp)
         coarse_slope, coarse_depth = _continued(surface, inner)
         share = np.clip(lattice.to_pixels(nodes.share[inner]), np.float32(0.0), np.float32(1.0))
@@ -154,11 +127,37 @@ class FineReader:
             share=share,
             first_px=(box[0].start, box[1].start),
             time_ns=surface.time_ns,
-            frames=count,
+            frames=len(frames),
             coarse=surface,
             footprint_divided=footprint is not None and footprint.divides,
             spacing_px=self._grid.spacing_px,
         )
+
+    def _fitted(self, frames: Sequence[FineFrame]) -> tuple[NodeWindows, Single, Single, Mask]:
+        """Nodes, and of the pixels displacement and its variance (rows, cols, 2), and which are usable."""
+        images = [frame.image for frame in frames]
+        sequence = FrameSequence.of(frames, self._grid)
+        steps = sequence.steps
+        late_s = lateness(images, steps, Design.of(steps), self._noise_grey(images))
+        design = Design.of(steps, late_s)
+        pixels = self._demodulated(images, design)
+        limits = Limits()
+        ceiling = 2**self._camera.bits - 1
+        usable = usable_pixels(pixels, ceiling, limits.visibility, _MOST_SIGMA_PX)
+        d, variance, standing = pixels.d, pixels.variance, stood(pixels)
+        del images, steps, pixels
+        nodes = read_nodes(self._lattice, frames, sequence, design, late_s, d, variance, usable, standing)
+        return nodes, d, variance, usable
+
+    def _noise_grey(self, images: Sequence[Image]) -> float:
+        noise = self._camera.noise
+        per_grey = 0.0 if noise.electrons_per_grey is None else 1.0 / noise.electrons_per_grey
+        light = max(float(images[0][::8, ::8].mean()) - noise.black_grey, 0.0)
+        return float(np.sqrt(noise.read_grey**2 + 1 / 12 + per_grey * light))
+
+    def _demodulated(self, images: Sequence[Image], design: Design) -> Demodulated:
+        """Pixels between the nodes."""
+        return demodulate(images, design, self._grid.period_px, self._camera.noise, self._lattice.box)
 
     def _integrated(
         self,
@@ -179,7 +178,10 @@ class FineReader:
         down = np.ascontiguousarray(down)
         take_out(level_mm, scale, across, down)
         weights = step_weights(slope2, x, y, valid)
-        self._last = self._integrator.solve((across, down), weights, self._last)
+        left = sources((across, down), weights)
+        del across, down
+        self._integrator.solve(left, weights, self._last)
+        del left, weights
         error = self._last - _mean(self._last, self._lattice.enclosed(anchored) & valid, valid)
         error *= scale
         error += level_mm

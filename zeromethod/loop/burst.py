@@ -14,19 +14,18 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from zeromethod.arrays import Bytes, Flags, Float, Image, Mask, Single
+from zeromethod.arrays import Float, Image, Mask, Single
 from zeromethod.decoding.burst import RADIUS_PX, moves, node_places, pixel_places
 from zeromethod.exposure.pairing import Observation
-from zeromethod.loop.flat_nodes import flat_nodes
+from zeromethod.loop.failing_nodes import REACH_NODES, FailingNodes, grown
 from zeromethod.pattern.coded import MOST_PARTS, PICTURES, SHIFTS, Coded
 from zeromethod.sensing.residual import Residual
 from zeromethod.warp.rest import Rest
 from zeromethod.warp.validity import Flag
 from zeromethod.warp.warp import Warp
 
-LEAST_NODES, FAILING_FRAMES, MOST_FRAMES = 8, 2, 12
-"""Nodes that cannot be nulled, and frames in which they could not, from which a burst is needed; what fails
-now and then is remembered for so many frames."""
+LEAST_NODES = 8
+"""Nodes that cannot be nulled from which a burst is needed."""
 
 MOVES_SHARE, BROKEN_FRAMES = 0.02, 30
 """Share of the pixels that may have moved between pictures before a burst is broken off, and frames that the
@@ -45,14 +44,8 @@ is over; and time after which it is read again: a picture that follows it may hi
 CARRIED = 3.0
 """What the nodes inside may have moved by over what those around have."""
 
-DIRTY_FRAMES = 4
-"""Frames in which a node failed where the mirror is flat after which it is never one to be read."""
-
-LIT_SHARE = 0.3
-"""Mean light over that at rest from which a node sees the LCD at all."""
-
-REACH_NODES, RING_NODES = 3, 4
-"""Nodes around the failing ones that are read too, and around these, that are watched."""
+RING_NODES = 4
+"""Nodes around those that are read that are watched."""
 
 BLIND_NODES = 2
 """A node this close to one that sees fringes has them in its window."""
@@ -69,8 +62,7 @@ _ALL = 0.999
 _PURE = 5e-3
 """Most light of another picture in an exposure that saw one alone."""
 
-_CANNOT = np.uint16(Flag.MODULATION | Flag.LIGHT_LOST | Flag.FOLDED | Flag.UNDRAWABLE | Flag.AMBIGUOUS)
-_CODED, _MIXED = np.uint16(Flag.CODED), np.uint16(Flag.MIXED)
+_CODED = np.uint16(Flag.CODED)
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +95,7 @@ class _Running:
         self.known, self.thought = measured.valid & ~need, thought
         self.sigma: Float = np.hypot(measured.sigma, HELD_LCD_PX)
         grid = rest.grid
-        region = _grown(need, REACH_NODES) & grid.measurable
+        region = grown(need, REACH_NODES) & grid.measurable
         count, labels, stats, _ = cv2.connectedComponentsWithStats(region.astype(np.uint8), connectivity=8)
         largest = 1 + np.argsort(-stats[1:count, cv2.CC_STAT_AREA])[:MOST_PARTS]
         self.region: Mask = np.isin(labels, largest)
@@ -116,7 +108,7 @@ class _Running:
         inside: Mask = np.zeros_like(region)
         for part in self.parts:
             inside |= np.logical_and(thought >= part[:2], thought <= part[2:]).all(axis=-1)
-        self.blind: Mask = _grown(inside, BLIND_NODES) | self.region
+        self.blind: Mask = grown(inside, BLIND_NODES) | self.region
         self.nodes = np.argwhere(self.region)
         rows, columns = grid.v_px[self.nodes[:, 0]].astype(int), grid.u_px[self.nodes[:, 1]].astype(int)
         self.top, self.left = max(int(rows.min()) - RADIUS_PX, 0), max(int(columns.min()) - RADIUS_PX, 0)
@@ -161,7 +153,7 @@ class _Running:
         rows, columns = self.nodes.T
         q[rows, columns], sigma[rows, columns] = found, off
         mask: Mask = np.isfinite(q[..., 0])
-        ring: Mask = _grown(self.blind, RING_NODES) & ~self.blind & (self._count >= PICTURES // 2)
+        ring: Mask = grown(self.blind, RING_NODES) & ~self.blind & (self._count >= PICTURES // 2)
         ring_q = self._sum / np.maximum(self._count, 1)[..., None]
         return Read(q, sigma, mask, self.region, ring, ring_q, places, known, self.top, self.left, time_ns)
 
@@ -174,10 +166,7 @@ class Burst:
 
     def __init__(self, rest: Rest, black_grey: float, *, always: bool) -> None:
         self._rest, self._black, self._always = rest, black_grey, always
-        self._failing: Bytes = np.zeros(rest.q.shape[:2], np.uint8)
-        self._light: Single | None = None
-        self._blank: Mask = np.zeros_like(rest.visible)
-        self._dirty: Bytes = np.zeros(rest.q.shape[:2], np.uint8)
+        self._failing = FailingNodes(rest, black_grey)
         self._quiet = 0
         self._running: _Running | None = None
         self._blinding: _Running | None = None
@@ -199,9 +188,7 @@ class Burst:
 
     def take_reference(self, residual: Residual) -> None:
         """Take the light at rest from a residual, and which nodes fail even then."""
-        self._light = residual.mean.copy()
-        self._blank = residual.flags != 0
-        self._dirty[:] = 0
+        self._failing.take_reference(residual)
 
     def presented(self, time_ns: int, coded: int | None) -> None:
         """Note the number of the coded picture presented at a time, None for none."""
@@ -235,31 +222,20 @@ class Burst:
             self._running, self._quiet = None, -BROKEN_FRAMES
         elif len(running.pictures) == PICTURES:
             self.read, self._running, self._quiet = running.read(self._black, measured.time_ns), None, 0
-            self._failing[:] = 0
+            self._failing.forget()
         return True
 
     def _needed(self, residual: Residual, measured: Warp, thought: Float) -> bool:
         """Begin a burst where one is needed, and may be."""
-        failing = self._fail(residual, measured.flags)
-        if failing is not None:
-            remembered = failing | (self._failing > 0)
-            dirty = failing & flat_nodes(remembered, measured, self._rest.q, REACH_NODES)
-            failing &= ~dirty
-            self._dirty += dirty
-            self._blank |= self._dirty >= DIRTY_FRAMES
+        failing = self._failing.look(residual, measured, thought)
         if failing is None:
             self._quiet, self.unread = min(self._quiet, 0), False
             return False
-        before = self._failing >= FAILING_FRAMES
-        self._failing[failing] = np.minimum(self._failing[failing] + FAILING_FRAMES, MOST_FRAMES)
-        self._failing -= ~failing & (self._failing > 0)
-        need: Mask = self._failing >= FAILING_FRAMES
-        at_rest = self._at_rest(measured, thought, _grown(failing | need, REACH_NODES))
-        grows = np.count_nonzero(need & ~before) > 0.1 * np.count_nonzero(need)
-        self._quiet = self._quiet + 1 if at_rest and not grows else min(self._quiet, 0)
+        need = self._failing.need
+        at_rest = self._at_rest(measured, thought, grown(failing | need, REACH_NODES))
+        self._quiet = self._quiet + 1 if at_rest and not self._failing.grows else min(self._quiet, 0)
         if not at_rest:
-            # what fails while the mirror moves is seen again when it rests
-            self._failing[:] = 0
+            self._failing.forget()
             self.unread = False
             return False
         new = need if self.read is None else need & ~self.read.region
@@ -273,22 +249,6 @@ class Burst:
         self.unread = unread
         self._running = self._blinding = _Running(self._rest, need, thought, measured)
         return True
-
-    def _fail(self, residual: Residual, flags: Flags) -> Mask | None:
-        """(rows, cols) nodes that cannot be nulled; None for none.
-
-        In patches that have light everywhere: where something touches none is shone back.
-        """
-        failing: Mask = ((flags & _CANNOT) != 0) & ((flags & (_MIXED | _CODED)) == 0)
-        failing &= self._rest.visible & ~self._blank
-        if self._light is None or not (failing.any() or self._failing.any()):
-            return None
-        lit = residual.mean - self._black > LIT_SHARE * (self._light - self._black)
-        dark = _grown(self._rest.visible & ~lit, REACH_NODES)
-        count, patches = cv2.connectedComponents((_grown(failing, 1) | dark).astype(np.uint8), connectivity=8)
-        touched = np.bincount(patches[dark], minlength=count) > 0
-        alone: Mask = failing & ~touched[patches]
-        return alone
 
     def _at_rest(self, measured: Warp, thought: Float, apart: Mask) -> bool:
         """Whether nodes other than these stay where they were."""
@@ -308,7 +268,7 @@ class Burst:
         moved2 = max(around, inside)
         if moved2 > MOVED_LCD_PX**2:
             self.read = None
-            self._failing[:] = 0
+            self._failing.forget()
             return None
         measured.q[read.mask] = read.q[read.mask]
         measured.sigma[read.mask] = np.sqrt(read.sigma[read.mask] ** 2 + CARRIED**2 * moved2)
@@ -337,10 +297,3 @@ def _moved2(measured: Warp, before: Float, sigma: Float, nodes: Mask) -> float:
         return np.inf
     change2 = (measured.q[watched] - before[watched]) ** 2
     return max(float(np.quantile(change2 - 4 * sigma[watched] ** 2, MOVED_FROM)), 0.0)
-
-
-def _grown(nodes: Mask, by: int) -> Mask:
-    """(rows, cols) nodes and those within so many of them."""
-    side = 2 * by + 1
-    grown: Mask = cv2.dilate(nodes.astype(np.uint8), np.ones((side, side), np.uint8)).astype(np.bool_)
-    return grown

@@ -25,6 +25,7 @@ from zeromethod.loop.burst import Burst
 from zeromethod.loop.events import Event
 from zeromethod.loop.light_hold import LightHold
 from zeromethod.loop.light_quality import LightWatch
+from zeromethod.loop.lost_light import LostLight
 from zeromethod.loop.measured_warp import Known, expect, measure_warp, unmixed
 from zeromethod.loop.node_figures import node_figures
 from zeromethod.loop.order_check import Order, OrderCheck
@@ -147,6 +148,7 @@ class Circle:
         self._sensor = sensor
         self._light_watch = LightWatch(rest.visible, black_grey)
         self._hold = LightHold(rest.flags.shape, rest.grid.period_px)
+        self._lost_light = LostLight(rest.flags.shape, rest.grid.period_px, black_grey)
         self._expected_light = expected_light
         self._panel_blur = panel_blur
         self._order_check = order_check
@@ -272,7 +274,7 @@ class Circle:
         target = None if observation.target is None else observation.target.node_rad
         image = observation.frame.image
         residual = self._sensor.measure(image, guess, light_share=light, target_rad=target)
-        return unmixed(residual, observation, self.rest.grid)
+        return self._lost_light.opened(unmixed(residual, observation, self.rest.grid))
 
     def _command(self, residual: Residual, measured: Warp, frozen: bool) -> tuple[bool, Event | None]:
         """Let the controller have the measurement: whether the command changed, or why it must not."""
@@ -297,6 +299,11 @@ class Circle:
             self._sensor.set_reference(result.residual)
             if self.burst is not None:
                 self.burst.take_reference(result.residual)
+
+    def learn_rest(self, result: FrameResult) -> None:
+        """Learn the light of the untouched mirror from a frame of it."""
+        if result.residual is not None:
+            self._lost_light.learn(result.residual)
 
 
 def _has_moved(measured: Warp, known_q: Float) -> bool:

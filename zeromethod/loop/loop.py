@@ -276,8 +276,9 @@ class Loop:
         if not self._referenced and self.status.state in READ:
             self._circle.take_reference(result)  # later light is compared with that of the first nulled frame
             self._referenced = True
-        seen = result.believed, result.residual_rms_px, self.status.state is State.RESTING
-        if (zeroed := self._zero.take(*seen)) is not None:
+        if resting := self.status.state is State.RESTING:
+            self._circle.learn_rest(result)
+        if (zeroed := self._zero.take(result.believed, result.residual_rms_px, resting)) is not None:
             events += (zeroed.event,)
             self._notices.add_always(zeroed)
         return self._step(

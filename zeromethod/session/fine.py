@@ -119,6 +119,11 @@ class FineReadings:
             stack.callback(lambda: self._worker.close(_CLOSING_S))
             yield
 
+    @property
+    def process_id(self) -> int | None:
+        """Of the process that reads, as the system numbers it; None where this one does."""
+        return None if self._process is None else self._process.process_id
+
     def add(self, step: Step) -> None:
         """Keep a step's frame, and have the last ones read when it is time. Raises what a reading raised."""
         frame = frame_of(step)

@@ -25,4 +25,4 @@ def _reads(rig: Rig, grid: NodeGrid) -> Callable[[Sequence[FineFrame]], FineSurf
 
 def main() -> None:
     """Frames come in at standard input, fine surfaces go out at standard output."""
-    serve(_reads)
+    serve(_reads, keeps=False)  # frames take 90 MB

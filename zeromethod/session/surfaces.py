@@ -248,13 +248,15 @@ def _reads(rig: Rig, grid: NodeGrid) -> Callable[[Warp], tuple[Surface, Peak]]:
     return read
 
 
-def _serve(exchange: ArrayExchange, reads: Callable[[Rig, NodeGrid], Callable[[Any], object]]) -> None:
+def _serve(
+    exchange: ArrayExchange, reads: Callable[[Rig, NodeGrid], Callable[[Any], object]], keeps: bool
+) -> None:
     requests = sys.stdin.buffer
     with take_output() as answers:
         read: Callable[[Any], object] | None = None
         setting: Any = None
         while True:
-            first, part, request = exchange.receive(requests)
+            first, part, request = exchange.receive(requests, copied=keeps or setting is None)
             setting = first or setting
             answer: object
             try:
@@ -272,16 +274,17 @@ def main() -> None:
     serve(_reads)
 
 
-def serve(reads: Callable[[Rig, NodeGrid], Callable[[Any], object]]) -> None:
+def serve(reads: Callable[[Rig, NodeGrid], Callable[[Any], object]], keeps: bool = True) -> None:
     """Answer the requests at standard input at standard output, until nobody sends any more.
 
-    reads: makes the function that answers, of rig and grid, which come with the first request. The process's
-    argument: the file descriptor of the memory for arrays.
+    reads: makes the function that answers, of rig and grid, which come with the first request. keeps: it may
+    keep arrays of a request, or answer with them. The process's argument: the file descriptor of the memory
+    for arrays.
     """
     ignore_signals()
     limit_threads()
     report_compiling(lambda words: sys.stderr.writelines((words, "\n")))
     try:
-        _serve(ArrayExchange(int(sys.argv[1]), _PARTS), reads)
+        _serve(ArrayExchange(int(sys.argv[1]), _PARTS), reads, keeps)
     except (EOFError, BrokenPipeError):
         os._exit(0)  # the run is over, and nobody listens

@@ -2,7 +2,11 @@
 
 Dust or a scratch in a node's window moves its phase by as much in every nulled frame, as the camera then sees
 the same picture whatever presses. At rest it shows as nodes that are off against all around them, which no
-rubber at rest is.
+rubber at rest is. How far a node is off is held against how it scatters from frame to frame: the sigma that a
+node beside a dark speck states has that speck's error in it, which is what is looked for.
+
+A node that is off by no more than a press that counts as rest is not corrected, and one that light rarely
+lets through at rest is not known: both are left open by all that they, or nodes around, are off.
 """
 
 from __future__ import annotations
@@ -10,7 +14,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.ndimage import maximum_filter, median_filter
+from scipy.ndimage import maximum_filter, median_filter, uniform_filter
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.loop.node_figures import at_rest
@@ -21,6 +25,11 @@ from zeromethod.warp.warp import Warp
 FRAMES = 16
 """Frames at rest that are averaged: their noise adds 3 % to that of one. What is known by 1, 2, 4 ... of them
 counts until then."""
+_SCATTER_FRAMES = 4
+"""Frames from which on their scatter, over the nodes of a window, is known to a quarter."""
+_USUAL = 2.0
+"""Times the median of what nodes state that it is taken for at least: what the null itself has gathered of
+noise in fine patterns goes slowly, and does not scatter."""
 _AROUND = 11
 """Nodes on a side of the square whose median a node is held against: dirt disturbs four across."""
 _NOISES = 4.0
@@ -42,9 +51,8 @@ class UnevenRest:
 
     def _forget(self) -> None:
         self._frames = 0
-        self._sum: Float | None = None
-        self._valid: Mask | None = None
-        self._variance: Float | None = None
+        self._seen = np.zeros(self._rest_q.shape[:2])
+        self._sum, self._square, self._variance = np.zeros((3, *self._rest_q.shape))
         self._away: Float | None = None
         self._off: Float | None = None
         self._open: Float | None = None
@@ -69,35 +77,57 @@ class UnevenRest:
 
     def _still(self, measured: Warp) -> bool:
         """Whether the mirror is where it was: the state follows a filter, and a press may outrun it."""
-        if self._sum is not None and self._valid is not None:
-            known, valid = self._sum / self._frames, self._valid & measured.valid
+        if self._frames > 0:
+            away, seen = self._mean(), self._known
         elif self._before is not None:
-            known, valid = self._before.q, self._before.valid & measured.valid
+            away, seen = self._before.q - self._rest_q, self._before.valid
         else:
             return False
         limits = REST_BLOCK, REST_SIGMAS, REST_WITHIN_LCD_PX
-        return bool(at_rest(measured.q, known, measured.sigma, valid, *limits))
+        known = self._rest_q + away, measured.sigma, seen & measured.valid
+        return bool(at_rest(measured.q, *known, *limits))
+
+    @property
+    def _known(self) -> Mask:
+        """(rows, cols) nodes that were measured in at least half of the frames."""
+        known: Mask = 2 * self._seen > self._frames
+        return known
+
+    def _mean(self) -> Float:
+        mean: Float = self._sum / np.maximum(self._seen, 1.0)[..., None]
+        return mean
 
     def _learn(self, measured: Warp) -> None:
-        if self._sum is None or self._valid is None or self._variance is None:
-            self._sum, self._variance = np.zeros_like(measured.q), np.zeros_like(measured.sigma)
-            self._valid = np.ones(measured.valid.shape, np.bool_)
-        self._sum += np.where(measured.valid[..., None], measured.q, 0.0)
-        self._variance += np.where(measured.valid[..., None], measured.sigma**2, 0.0)
-        self._valid &= measured.valid
+        valid = measured.valid
+        away = np.where(valid[..., None], measured.q - self._rest_q, 0.0)
+        self._sum += away
+        self._square += away**2
+        self._variance += np.where(valid[..., None], measured.sigma**2, 0.0)
+        self._seen += valid
         self._frames += 1
         if self._frames & (self._frames - 1) == 0:
-            displaced = self._sum / self._frames - self._rest_q
-            self._find(displaced, np.sqrt(self._variance) / self._frames, self._valid)
+            self._find(self._mean(), self._sigma(), self._known)
 
-    def _find(self, displaced: Float, sigma: Float, valid: Mask) -> None:
+    def _sigma(self) -> Float:
+        """(rows, cols, 2) of the mean, as stated or by how nodes scatter."""
+        seen = np.maximum(self._seen, 1.0)[..., None]
+        least2: Float = self._variance / seen
+        if self._frames >= _SCATTER_FRAMES:
+            scatter2 = ((self._square - self._sum**2 / seen) / np.maximum(seen - 1.0, 1.0)).mean(axis=-1)
+            around2 = uniform_filter(np.where(self._known, scatter2, 0.0), 3)
+            around2 /= np.maximum(uniform_filter(self._known.astype(np.float64), 3), 0.1)
+            usual2 = _USUAL**2 * np.median(least2[self._known]) if self._known.any() else 0.0
+            least2 = np.minimum(least2, np.maximum(around2[..., None], usual2))
+        return np.asarray(np.sqrt(least2 / seen))
+
+    def _find(self, displaced: Float, sigma: Float, known: Mask) -> None:
         self._off = self._open = None
-        if not valid.any():
+        if not known.any():
             return
-        off = _against_around(displaced, valid)
+        off = _against_around(displaced, known)
         if self._away is None and self._before is not None:
-            self._away = _against_around(self._before.q - self._rest_q, self._before.valid & valid)
-        uneven = (np.abs(off) > _NOISES * sigma) & valid[..., None]
+            self._away = _against_around(self._before.q - self._rest_q, self._before.valid & known)
+        uneven = (np.abs(off) > _NOISES * sigma) & known[..., None]
         # dirt stays as it is; a press that creeps grows, and one that begins may count as rest: left open
         grown = np.zeros_like(off) if self._away is None else np.abs(off - self._away)
         self._away = off
@@ -107,9 +137,11 @@ class UnevenRest:
         # next to it, too, it is more than noise
         dirt = maximum_filter(np.any(uneven & (np.abs(off) > most), axis=-1), 3)[..., None]
         self._off = np.where(dirt, off, 0.0)
-        largest = _OPEN * maximum_filter(np.abs(self._off).max(axis=-1), 3)[..., None]
-        left = np.maximum(largest, np.where(uneven, np.abs(off), 0.0))
-        self._open = np.where(dirt, np.hypot(largest, sigma), left)
+        alone = np.where(uneven, np.abs(off), 0.0)
+        largest = maximum_filter(np.where(dirt, np.abs(off), alone).max(axis=-1), 3)[..., None]
+        taken = _OPEN * maximum_filter(np.abs(self._off).max(axis=-1), 3)[..., None]
+        left = np.where(dirt, np.hypot(taken, sigma), np.maximum(taken, alone))
+        self._open = np.where(known[..., None], left, largest)
 
 
 def _against_around(displaced: Float, valid: Mask) -> Float:

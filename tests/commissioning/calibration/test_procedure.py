@@ -101,7 +101,7 @@ def test_lcd_that_is_not_seen_is_said():
     dark = rig.simulation.model_copy(update={"peak_grey_share": 0.02})
     with (
         open_devices(rig.model_copy(update={"simulation": dark})) as devices,
-        pytest.raises(MeasurementError, match="does not see the LCD"),
+        pytest.raises(MeasurementError, match=r"^settling: the camera does not see the LCD"),
     ):
         record(rig, devices, Plan())
 

@@ -61,6 +61,8 @@ def record(
         raise MeasurementError(f"{session.step}: the camera is lost: {error}") from error
     except DisplayLost as error:
         raise MeasurementError(f"{session.step}: the display is lost: {error}") from error
+    except MeasurementError as error:
+        raise MeasurementError(f"{session.step}: {error}") from error
 
 
 def _ms(bounds_s: tuple[float, float]) -> str:

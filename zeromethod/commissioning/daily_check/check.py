@@ -202,7 +202,9 @@ class _Check:
         return found
 
     def _frames(self, frames: _Frames) -> Finding:
-        share = frames.dropped / max(frames.came + frames.dropped, 1)
+        if not frames.came:
+            return Finding(Subject.FRAMES, Fitness.UNFIT, "none came: see to camera and cable")
+        share = frames.dropped / (frames.came + frames.dropped)
         unused = sum(frames.refused.values())
         figures = {"frames": float(frames.came), "dropped": float(frames.dropped), "unused": float(unused)}
         words = f"{frames.came} came, {frames.dropped} were lost, {unused} could not be used"

@@ -16,7 +16,7 @@ from zeromethod.loop.assembly import make_circle
 from zeromethod.loop.call import DONE
 from zeromethod.loop.circle import Circle, FrameResult, from_zero
 from zeromethod.loop.frame_check import own
-from zeromethod.loop.state import READ
+from zeromethod.loop.state import READ, State
 from zeromethod.optics import Optics
 from zeromethod.recording.recording import Recording
 from zeromethod.rig.model import Rig
@@ -145,6 +145,8 @@ def replay_from_frames(
     fine = FineReplay(recording, rig, parts.rest.grid)
     pace = Pace(speed)
     for row, taken in _taken(recording, parts.circle, window):
+        if recording.state_of(row) is State.RESTING:
+            parts.circle.learn_rest(taken)
         inside = int(row["time_ns"]) in window
         if inside:
             pace.wait_for(int(row["time_ns"]))

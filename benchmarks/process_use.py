@@ -1,4 +1,4 @@
-"""Processor time of a live run by thread and process, as the system counts it."""
+"""Processor time and memory of a live run by thread and process, as the system counts them."""
 
 from __future__ import annotations
 
@@ -28,3 +28,9 @@ def spent_ms(processes: Mapping[str, int]) -> dict[str, float]:
         name = named.get(int(number), "library threads")
         found[name] = found.get(name, 0.0) + _spent_ms(f"self/task/{number}")
     return found
+
+
+def memory_mb(process: int) -> float:
+    """What a process alone holds, MB."""
+    with open(f"/proc/{process}/smaps_rollup", encoding="ascii") as file:
+        return next(float(line.split()[1]) for line in file if line.startswith("Private_Dirty")) / 1e3

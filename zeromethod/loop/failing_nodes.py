@@ -1,0 +1,139 @@
+"""Nodes that no picture nulls, though they see the LCD: those that coded pictures can read.
+
+Not what something touches, nor what has dirt or the edge of a shadow before it, nor what looks past the LCD:
+coded pictures would show nothing there either.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from zeromethod.arrays import Bytes, Flags, Float, Mask, Single
+from zeromethod.sensing.residual import Residual
+from zeromethod.warp.jacobian import warp_flags
+from zeromethod.warp.rest import Rest
+from zeromethod.warp.validity import Flag
+from zeromethod.warp.warp import Warp
+
+FAILING_FRAMES, MOST_FRAMES = 2, 12
+"""For how many frames a failure is remembered, and the failures of a node that fails now and then."""
+
+DIRTY_FRAMES = 4
+"""Frames in which a node failed where the mirror is flat after which it is never one to be read."""
+
+BENT_LCD_PX = 2.0
+"""Difference of where nodes near each other look, from rest, below which the mirror is too flat to fold.
+A fold displaces each node by as much as its distance from the next, some 8 LCD px; dirt by less than half a
+one."""
+
+EDGE_NODES = 2
+"""A node this close to one that is dark at rest may fail when a press moves the edge of the light."""
+
+LIT_SHARE = 0.3
+"""Mean light over that at rest from which a node sees the LCD at all."""
+
+REACH_NODES = 3
+"""Nodes around that join failing ones to a patch."""
+
+GROWS_SHARE = 0.1
+"""Share of the nodes that failed for the first time since the mirror is at rest from which more will."""
+
+_CANNOT = np.uint16(Flag.MODULATION | Flag.LIGHT_LOST | Flag.FOLDED | Flag.UNDRAWABLE | Flag.AMBIGUOUS)
+_FOR_NOW, _LIGHT_LOST = np.uint16(Flag.MIXED | Flag.CODED), np.uint16(Flag.LIGHT_LOST)
+_OFF_DISPLAY = np.uint16(Flag.OFF_DISPLAY)
+_FAR = np.float32(1e6)
+
+
+class FailingNodes:
+    """Remembers which nodes fail while the mirror is at rest.
+
+    need: (rows, cols) nodes that failed in one of the last frames. grows: whether many of them were new.
+    """
+
+    def __init__(self, rest: Rest, black_grey: float) -> None:
+        self.need: Mask = np.zeros_like(rest.visible)
+        self.grows = False
+        self._rest, self._black = rest, black_grey
+        self._light: Single | None = None
+        self._left: Bytes = np.zeros(rest.q.shape[:2], np.uint8)
+        self._flat: Bytes = np.zeros(rest.q.shape[:2], np.uint8)
+        self._never: Mask = np.zeros_like(rest.visible)
+        self._before: Mask = np.zeros_like(rest.visible)
+
+    def take_reference(self, residual: Residual) -> None:
+        """Take the light at rest from a residual; nodes that fail even then, or at its edge, never count."""
+        self._light = residual.mean.copy()
+        self._never = (residual.flags != 0) | grown(residual.flags & _LIGHT_LOST != 0, EDGE_NODES)
+        self._flat[:] = 0
+
+    def forget(self) -> None:
+        """Begin again: what fails while the mirror moves is seen again when it rests."""
+        self._left[:] = 0
+        self._before[:] = False
+
+    def look(self, residual: Residual, measured: Warp, thought: Float) -> Mask | None:
+        """Remember the nodes (rows, cols) that fail in a frame, and return them; None for none.
+
+        thought: (rows, cols, 2) LCD px, where nodes were thought to look before this frame.
+        """
+        failing = self._fail(residual, measured.flags, thought)
+        if failing is None:
+            self.forget()
+            return None
+        dirty = failing & self._lie_flat(failing | (self._left > 0), measured)
+        failing &= ~dirty
+        self._flat += dirty
+        self._never |= self._flat >= DIRTY_FRAMES
+        self._left[failing] = np.minimum(self._left[failing] + FAILING_FRAMES, MOST_FRAMES)
+        self._left -= ~failing & (self._left > 0)
+        self.need = self._left >= FAILING_FRAMES
+        new = np.count_nonzero(self.need & ~self._before)
+        self.grows = bool(new > GROWS_SHARE * np.count_nonzero(self.need))
+        self._before |= self.need
+        return failing
+
+    def _fail(self, residual: Residual, flags: Flags, thought: Float) -> Mask | None:
+        """(rows, cols) nodes that cannot be nulled, in patches that have light everywhere; None for none."""
+        rest, grid = self._rest, self._rest.grid
+        failing: Mask = ((flags & _CANNOT) != 0) & ((flags & _FOR_NOW) == 0)
+        failing &= rest.visible & ~self._never
+        if self._light is None or not (failing.any() or self._left.any()):
+            return None
+        there = warp_flags(
+            thought,
+            rest.q,
+            grid.period_px,
+            rest.display_size,
+            spacing_px=grid.spacing_px,
+            rest_areas=rest.areas,
+        )
+        failing &= there & _OFF_DISPLAY == 0
+        lit = residual.mean - self._black > LIT_SHARE * (self._light - self._black)
+        dark = grown(rest.visible & ~lit, REACH_NODES)
+        count, patches = cv2.connectedComponents((grown(failing, 1) | dark).astype(np.uint8), connectivity=8)
+        touched = np.bincount(patches[dark], minlength=count) > 0
+        alone: Mask = failing & ~touched[patches]
+        return alone
+
+    def _lie_flat(self, nodes: Mask, measured: Warp) -> Mask:
+        """Those of some nodes (rows, cols) in patches around which the mirror is as flat as at rest.
+
+        What fails there does not fail for how it is bent. Where no node around was measured it may be.
+        """
+        if not nodes.any():
+            return nodes
+        side = np.ones((2 * REACH_NODES + 1, 2 * REACH_NODES + 1), np.uint8)
+        away, valid = (measured.q - self._rest.q).astype(np.float32), measured.valid[..., None]
+        most = cv2.dilate(np.where(valid, away, -_FAR), side)
+        bent = (most - cv2.erode(np.where(valid, away, _FAR), side)).max(axis=-1)
+        count, patches = cv2.connectedComponents(cv2.dilate(nodes.view(np.uint8), side))
+        curved = np.bincount(patches[nodes & ((bent < 0) | (bent >= BENT_LCD_PX))], minlength=count) > 0
+        return np.asarray(nodes & ~curved[patches])
+
+
+def grown(nodes: Mask, by: int) -> Mask:
+    """(rows, cols) nodes and those within so many of them."""
+    side = 2 * by + 1
+    out: Mask = cv2.dilate(nodes.astype(np.uint8), np.ones((side, side), np.uint8)).astype(np.bool_)
+    return out
