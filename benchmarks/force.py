@@ -3,8 +3,8 @@
 On the packaged bench at full size, with a pupil of 1.25 mm, each run with noise of its own. The modulus by a
 weight of 20 g, and all forces as it makes them; two balls 2.5 mm apart; balls of 5 mm that stick (50 mJ/m^2)
 under 5 to 50 mN, whose work of adhesion follows from force and outline, and one that pulls; 50 mg; a layer
-20 mm thick that the rig file has as 22 +- 2 mm. Random presses: one to three balls, cones, flat punches that
-do not touch each other, with 10 to 150 mN each; and each ball's pressure.
+20 mm thick that the rig file has as 22 +- 2 mm; friction of half the force. Random presses: one to three
+balls, cones, flat punches that do not touch each other, with 10 to 150 mN each; and each ball's pressure.
 """
 
 from __future__ import annotations
@@ -34,8 +34,10 @@ RANDOM, QUICK = 30, 4
 FIRST_S, COMPARED, MANY = 0.55, 12, 60
 """Frames are compared from then on: 60 where something sticks or hardly weighs anything, 12 else."""
 APART_MM = 9.0
-STICKING_N = (0.005, 0.02, 0.05, -0.0008)
+STICKING_N = (0.005, 0.02, 0.05)
 ADHESION_J_M2, BALL_MM = 0.05, 5.0
+PULL_N, PULLED_MM = -0.002, 20.0
+"""A larger ball: one of 5 mm that is pulled so touches less than what is called a contact."""
 WEIGHT_MG, FOOT_MM = 50.0, 0.5
 GRAMS, TRUE_MPA = 20.0, 1.6
 LAYER = {"rubber.support": "bonded", "rubber.thickness_mm": 20.0}
@@ -68,12 +70,13 @@ def cases(count: int) -> dict[str, list[dict[str, Any]]]:
     ball = {"shape": "ball", "radius_mm": 20.0, "x_mm": 42.0, "y_mm": 0.0}
     found: dict[str, list[dict[str, Any]]] = {"weighed": []}
     found["side by side"] = [{**ball, "x_mm": 40.0, "force_n": 0.03}, {**ball, "x_mm": 42.5, "force_n": 0.05}]
-    for force in STICKING_N:
-        sticks = {"radius_mm": BALL_MM, "adhesion_j_m2": ADHESION_J_M2, "force_n": force}
+    for force, radius_mm in ((PULL_N, PULLED_MM), *((force, BALL_MM) for force in STICKING_N)):
+        sticks = {"radius_mm": radius_mm, "adhesion_j_m2": ADHESION_J_M2, "force_n": force}
         found[f"{'sticks' if force > 0 else 'pulls'} {1e3 * force:g} mN"] = [ball | sticks]
     foot = {"shape": "punch", "radius_mm": FOOT_MM, "force_n": 9.81e-6 * WEIGHT_MG}
     found["50 mg"] = [ball | foot]
     found["thickness"] = [ball | {"force_n": 0.1}]
+    found["friction"] = [ball | {"force_n": 0.1, "friction": 0.5}]
     for number in range(count):
         draw = np.random.default_rng(1900 + number)
         placed: list[tuple[float, float]] = []
@@ -127,7 +130,7 @@ def measured(case: str, objects: Sequence[dict[str, Any]], number: int) -> list[
     """Run one case; each object's force by the contact nearest to it."""
     if not objects:
         return [weighed(number)]
-    frames = COMPARED if case.startswith(("random", "side", "thick")) else MANY
+    frames = COMPARED if case.startswith(("random", "side", "thick", "friction")) else MANY
     seconds = FIRST_S + frames / 60
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "press.toml"
@@ -150,7 +153,7 @@ def _found(case: str, one: dict[str, Any], steps: Sequence[Step], rig: Rig) -> F
         near = [pair for pair in near if pair[0] < 1.0 and np.isfinite(pair[1].force_n)]
         if near:
             contact = min(near, key=lambda pair: pair[0])[1]
-            work = work_of_adhesion(contact, BALL_MM, modulus)[0]
+            work = work_of_adhesion(contact, one.get("radius_mm", BALL_MM), modulus)[0]
             rows.append((contact.force_n, contact.sigma_force_n, work))
     force, sigma, work = np.mean(rows, axis=0) if rows else (np.nan,) * 3
     scatter = float(np.std([row[0] for row in rows], ddof=1)) if len(rows) > 1 else np.nan
@@ -233,13 +236,17 @@ def _single(found: Sequence[Found]) -> list[Figure]:
     for one in found:
         force = np.nan if one.force_n is None else one.force_n
         if one.case.startswith("pulls"):
-            figures.append(Figure("a pull of 0.8 mN", f"{1e3 * force:.2f} mN", "below 0", force < 0))
+            words = f"{1e3 * force:.2f} mN"
+            figures.append(Figure(f"a pull of {1e3 * one.true_n:g} mN", words, "below 0", force < 0))
         elif one.case == "50 mg":
             sure = force / one.sigma_n
             figures.append(Figure("50 mg, in one frame's sigmas", f"{sure:.1f}", "5", sure >= 5))
         elif one.case == "thickness":
             off = abs(force - one.true_n) / one.sigma_n
             figures.append(Figure("thickness 10 % wrong, in sigmas", f"{off:.1f}", "2", off <= 2))
+        elif one.case == "friction":
+            off = 100 * abs(force / one.true_n - 1)
+            figures.append(Figure("friction of half the force", f"{off:.2f} %", "0.5 %", off <= 0.5))
     if works := [one.adhesion_j_m2 for one in found if one.adhesion_j_m2 is not None]:
         off = max(100 * abs(work / ADHESION_J_M2 - 1) for work in works)
         figures.append(Figure("work of adhesion, worst", f"{off:.0f} %", "15 %", off <= 15))

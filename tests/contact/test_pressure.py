@@ -4,10 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from planted_dents import DENTS, E_STAR, RADIUS_MM, outwards, punch, rig, round_contact, surface
+from planted_dents import (
+    DENTS,
+    E_STAR,
+    POISSON,
+    RADIUS_MM,
+    ball,
+    outwards,
+    punch,
+    rig,
+    round_contact,
+    surface,
+)
 
 from zeromethod import InputError, load_rig
 from zeromethod.contact import PressureMap, pressure_map
+from zeromethod.mechanics.yielding import Layer
 
 DEPTH_MM = 0.02
 
@@ -41,6 +53,18 @@ def test_where_a_punch_and_a_cone_press_most_is_seen_from_outside(name, middle, 
     assert middle[0] <= rings[1] <= middle[1]
     assert border[0] <= rings[-2] <= border[1]
     assert (found.pressure_mpa > -1e-9).all()
+
+
+def test_what_is_open_of_the_body_is_not_taken_for_pressure():
+    """A layer of 20 mm that is said to be 22 +- 2 mm thick."""
+    force_n, said = 0.05, {"support": "bonded", "thickness_mm": 22.0, "thickness_sigma_mm": 2.0}
+    layer, other = Layer(20.0, POISSON, True), lambda r: force_n * E_STAR**-1 / np.pi
+    hertz = outwards(ball, 0.75 * force_n / (E_STAR * RADIUS_MM))
+    pressed = surface(lambda r: hertz(r) + other(r) * layer.slope_outwards(r), (0.0, 0.0))
+    found = pressure_map(rig(**said), pressed, [round_contact()])
+    largest = 1.5 * force_n / (np.pi * RADIUS_MM**2)
+    assert found.pressure_mpa.max() == pytest.approx(largest, rel=0.1)
+    assert found.force_n == pytest.approx(force_n, rel=0.03)
 
 
 def test_there_is_no_map_of_a_pull_or_without_a_modulus():

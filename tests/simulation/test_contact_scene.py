@@ -65,6 +65,20 @@ def test_an_object_that_is_moved_presses_alike_elsewhere():
     np.testing.assert_allclose(there.depth(39.5, -4.0), here.depth(43.0, 1.0), rtol=1e-12)
 
 
+def test_friction_lifts_the_rubber_behind_and_sinks_it_ahead_as_its_poissons_ratio_lets_it():
+    """Cerruti: Q (1 - 2 nu) (1 + nu) / (2 pi E) x / r^2; Johnson 1985, 3.2. Nothing of nearly 0.5 is left."""
+    dragging = Held(Solid(Form.BALL, 5.0, friction=0.5), 42.0, 1.0, depth_mm=0.05)
+    plain, dragged = mirror_of(Held(BALL, 42.0, 1.0, depth_mm=0.05)), mirror_of(dragging)
+    x, y = around(42.0, 1.0, 3.0, 20.0)
+    force_n = plain.touches[0].force_n
+    per_n = 0.5 * (1 - 2 * RUBBER.poisson) * (1 + RUBBER.poisson) / (2 * np.pi * 1.0)
+    ahead = force_n * per_n * (x - 42.0) / ((x - 42.0) ** 2 + (y - 1.0) ** 2)
+    # the contact is half a mm wide
+    np.testing.assert_allclose(
+        dragged.depth(x, y) - plain.depth(x, y), ahead, atol=0.02 * np.abs(ahead).max()
+    )
+
+
 def test_objects_that_run_into_each_other_are_refused():
     with pytest.raises(InputError, match=r"object\[1\]: its contact lies on that of object\[0\]"):
         mirror_of(Held(BALL, 42.0, 1.0, depth_mm=0.05), Held(BALL, 42.2, 1.0, depth_mm=0.05, number=1))

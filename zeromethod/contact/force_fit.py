@@ -78,7 +78,8 @@ class ForceFit:
 
     mean: (t,) shares, then a tilt; spread: (t, t) their covariance. arms: (contacts, 3, t) net force, and
     torques about x and y, of each share, over pi E*. slopes: (2 n,) of the blocks that the fit was made of;
-    terms: (2 n, t) of them by each share; weight: (2 n,) 1 / their sigma. at_mm: (n, 4, 2) where.
+    terms: (2 n, t) of them by each share; weight: (2 n,) 1 / their sigma;
+    open_slopes: (2 n,) what is open of them all together, by the body. at_mm: (n, 4, 2) where.
     """
 
     def __init__(
@@ -117,7 +118,8 @@ class ForceFit:
             steep = yielding.open_slopes(at, load.middle_mm)
             if steep is not None:
                 wrong += net * steep
-        change = np.einsum("nt,n->t", self._gain, wrong.ravel())
+        self.open_slopes = wrong.ravel()
+        change = np.einsum("nt,n->t", self._gain, self.open_slopes)
         self.spread += np.outer(change, change)
 
     @classmethod

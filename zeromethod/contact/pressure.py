@@ -31,6 +31,8 @@ _SMOOTH = 0.5
 """Distance over a contact's radius within which pressure differs from a ball's by about as much."""
 _MODES = 3 * SHAPES
 """Differences that are fitted; smoother ones than the next do not reach the slopes outside."""
+_NO_FORCE = 3
+"""Unknowns after these: what is open of the body, and a tilt of the mirror along x and y."""
 _SIZES = np.geomspace(0.3, 3.0, 11)
 """Sizes of the differences that are compared, over the mean pressure; hard objects differ by no less."""
 
@@ -100,7 +102,7 @@ def pressure_map(rig: Rig, surface: Surface, contacts: Sequence[Contact], number
     load = Loads.of(contacts[number])
     unlike = _unlike(load)
     known = _Known.of(fit, load, unlike, number)
-    by_cell = np.vstack([load.forces[:1], unlike, np.zeros((2, len(load.cells)))]).T
+    by_cell = np.vstack([load.forces[:1], unlike, np.zeros((_NO_FORCE, len(load.cells)))]).T
     evidence = np.array([known.evidence(force * size) for size in _SIZES])
     share = np.exp(evidence - evidence.max())
     share /= share.sum()
@@ -134,7 +136,7 @@ def _unlike(load: Loads) -> Float:
 
 
 class _Known(NamedTuple):
-    """Normal equations (t, t), (t,) of a ball's force, the differences' factors, and a tilt of the mirror."""
+    """Normal equations: a ball's force, the factors of the differences, what is open of the body, a tilt."""
 
     normal: Float
     right: Float
@@ -150,18 +152,23 @@ class _Known(NamedTuple):
             load_slopes.load_slopes(replace(load, forces=part), fit.at_mm).reshape(len(wanted), SHAPES)
             for part in unlike.reshape(-1, SHAPES, len(load.cells))
         ]
-        terms = np.concatenate([fit.terms[:, own.start : own.start + 1], *steep, fit.terms[:, -2:]], axis=1)
+        terms = np.concatenate(
+            [fit.terms[:, own.start : own.start + 1], *steep, fit.open_slopes[:, None], fit.terms[:, -2:]],
+            axis=1,
+        )
         return cls(*load_slopes.normal_equations(terms * fit.weight[:, None], wanted * fit.weight))
 
     def _with_prior(self, size: float) -> Float:
         prior = np.zeros(len(self.right))
-        prior[1:-2] = size**-2
+        prior[1:-_NO_FORCE] = size**-2
+        # one standard deviation of the body
+        prior[-_NO_FORCE] = 1.0
         return self.normal + np.diag(prior)
 
     def evidence(self, size: float) -> float:
         """Logarithm of the slopes' probability if the differences are so large, but for a constant."""
         known = self._with_prior(size)
-        factor = np.linalg.slogdet(known)[1] + 2 * math.log(size) * (len(self.right) - 3)
+        factor = np.linalg.slogdet(known)[1] + 2 * math.log(size) * (len(self.right) - 1 - _NO_FORCE)
         return 0.5 * float(self.right @ np.linalg.solve(known, self.right) - factor)
 
     def solved(self, size: float, by_cell: Float) -> tuple[Float, Float]:

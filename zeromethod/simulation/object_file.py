@@ -49,7 +49,8 @@ class ObjectTable(Table):
     surface. punch: a flat round face of `radius_mm`. edge: a rod of `radius_mm`, `length_mm` long along
     `angle_deg` (from x towards y). finger: a ball with ridges `ridge_pitch_mm` apart along `angle_deg`.
     bars: a punch with flat, sharp ridges like that, half a pitch wide. All points of a path have `depth_mm`,
-    of the lowest point below the surface at rest, or all `force_n`.
+    of the lowest point below the surface at rest, or all `force_n`. `friction`: force along x that
+    the rubber is dragged with, over that into it.
     """
 
     shape: Literal["ball", "cone", "punch", "edge", "finger", "bars"]
@@ -62,6 +63,7 @@ class ObjectTable(Table):
     ridge_height_mm: Positive | None = None
     adhesion_j_m2: NotNegative = 0.0
     angle_deg: Angle = 0.0
+    friction: float = 0.0
 
     @model_validator(mode="after")
     def _consistent(self) -> ObjectTable:
@@ -75,7 +77,7 @@ class ObjectTable(Table):
         for key in _NEEDED[form]:
             if getattr(self, key) is None:
                 raise refused(key, None, f"needed for shape '{self.shape}'")
-        known = {"shape", "path", "albedo", *_NEEDED[form], *_ALLOWED[form]}
+        known = {"shape", "path", "albedo", "friction", *_NEEDED[form], *_ALLOWED[form]}
         for key in type(self).model_fields:
             if key in self.model_fields_set - known:
                 raise refused(key, getattr(self, key), f"not for shape '{self.shape}'")
@@ -93,6 +95,7 @@ class ObjectTable(Table):
             self.ridge_height_mm or 0.0,
             self.adhesion_j_m2,
             ALBEDO[self.albedo],
+            self.friction,
         )
         by_force = self.path[0].force_n is not None
         points = (

@@ -18,7 +18,7 @@ import numpy as np
 
 from zeromethod.arrays import Float, Mask, Single
 from zeromethod.rig.model import KnownRest
-from zeromethod.surface.node_passes import diagonal
+from zeromethod.surface.node_passes import diagonal, dot
 from zeromethod.surface.quiet import (
     agreeing,
     mask,
@@ -175,7 +175,7 @@ class Quiet:
         step_mm = off_mm = 0.0
         for k in range(most):
             weights, *sums = self._choose(contained_mm)
-            at_mm = float(np.vdot(weights, self._constant))
+            at_mm = float(dot(weights, self._constant))
             before_mm, off_mm = off_mm, at_mm - contained_mm
             if abs(off_mm) < _SAME_MM:
                 break

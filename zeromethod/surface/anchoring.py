@@ -16,7 +16,7 @@ from zeromethod.arrays import Float, Mask
 from zeromethod.rig.model import KnownRest
 from zeromethod.surface.anchor import MOST_CHOICES, Border, Quiet, RestFit, fit_known, known_nodes
 from zeromethod.surface.far_field import BodyOnNodes, FarField, fit_far_field
-from zeromethod.surface.node_passes import step_of
+from zeromethod.surface.node_passes import dot, step_of
 from zeromethod.surface.roughness import roughness
 
 _AGAIN_MM = 1e-4
@@ -142,4 +142,4 @@ def certain(sigma_mm: float, far_field_mm: float) -> bool:
 
 def mean(weights: Float, values: Float) -> float:
     """Mean with weights that add up to 1."""
-    return float(np.vdot(weights, values))
+    return float(dot(weights, values))

@@ -65,22 +65,23 @@ class BenchDrift:
         shift_px = float(np.sqrt(shift2 / np.count_nonzero(island)))
         return self._curl.test(read, noise, shift_px)
 
-    def systematic(self, fit: RestFit, read: KnownReading, noise: SlopeNoise) -> tuple[RestFit, Float]:
-        """The fit with its sigma, and independent errors (4, rows, cols) of depth, mm, of one sigma each.
+    def systematic(self, fit: RestFit, read: KnownReading, noise: SlopeNoise) -> tuple[RestFit, list[Float]]:
+        """The fit with its sigma, and independent errors (rows, cols) of depth, mm, of one sigma each.
 
         They are the same in every frame: the anchor's; what nodes do that should rest and do not; drift under
         the anchor; and drift by way of the far field, which its slope at the border passes for.
         """
         x, y, island = read.x_mm, read.y_mm, self._integrator.island
-        fields = np.zeros((4, *x.shape))
+        errors = []
         drift, slope = self._curl.false_depth(self.watch.drift, noise, x, y)
         if fit.mode == "known":
-            fit, fields[1] = known_misfit(fit, read, self._known_rest, self._shared)
+            fit, off_rest = known_misfit(fit, read, self._known_rest, self._shared)
+            errors.append(off_rest)
         elif self.watch.drift.any():
             reach_mm = 0.5 * diagonal(x, y, island)
-            fields[3] = reach_mm * float((fit.weights * np.where(island, slope, 0.0)).sum())
+            by_slope = reach_mm * float((fit.weights * np.where(island, slope, 0.0)).sum())
+            errors.append(np.full(x.shape, by_slope))
         if self.watch.drift.any():
-            fields[2] = drift - float((fit.weights * drift).sum())
-        fields[0] = fit.sigma_mm
-        fields *= read.scale * island
-        return fit, fields
+            errors.append(drift - float((fit.weights * drift).sum()))
+        scale = read.scale * island
+        return fit, [fit.sigma_mm * scale, *(one * scale for one in errors)]

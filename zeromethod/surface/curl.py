@@ -8,7 +8,7 @@ its rays and leaves steps as well: it is fitted with them and given up.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numba
 import numpy as np
@@ -16,7 +16,7 @@ import numpy as np
 from zeromethod.arrays import Float, Mask
 from zeromethod.bench_motion.watch import LEAST_LCD_PX
 from zeromethod.surface.differences import depth_differences_adjoint
-from zeromethod.surface.integrate import SlopeIntegrator
+from zeromethod.surface.integrate import SlopeIntegrator, share_changed
 from zeromethod.surface.node_passes import sum_on
 from zeromethod.surface.noise import SlopeNoise
 from zeromethod.surface.settling import Reading
@@ -39,8 +39,10 @@ _VISIBLE = 1e-3
 _SOLVED = 1e-6
 """Error of the modes' depths, relative."""
 
-_KEEP_SHARE = 0.05
-"""Templates are kept while the mask differs on fewer nodes than this share."""
+_KEEP_SHARE, _KEEP_FACTOR = 0.05, 4.0
+"""Templates are kept while the mask differs on fewer nodes than this share, and while under new weights noise
+changed by more than this factor, relative to all others', on fewer: they are orthogonal to every depth
+whatever the weights, and their covariance is that of the noise but for a few percent."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +66,7 @@ class Curl:
 
 @dataclass(frozen=True, slots=True)
 class _Templates:
-    """What was worked out for one mask (rows, cols) and set of weights, by its number.
+    """What was worked out for a mask (rows, cols), variance (rows, cols, 2) and weights, by their number.
 
     across, down: (terms, ...) weighted steps left over by each visible combination, the constant last.
     inverse: (terms, terms) from their products with the steps found to amplitudes. covariance: (visible,
@@ -73,6 +75,7 @@ class _Templates:
     """
 
     mask: Mask
+    variance: Float
     weighting: int
     across: Float
     down: Float
@@ -82,10 +85,14 @@ class _Templates:
     directions: Float
     depth: Float
 
-    def fit(self, island: Mask, weighting: int) -> bool:
-        """Whether they may be kept for another mask."""
-        changed = np.count_nonzero(island ^ self.mask) > _KEEP_SHARE * np.count_nonzero(island)
-        return self.weighting == weighting and not changed
+    def fit(self, island: Mask, weighting: int, variance: Float) -> bool:
+        """Whether they may be kept for another mask, and other weights by this variance (rows, cols, 2)."""
+        if np.count_nonzero(island ^ self.mask) > _KEEP_SHARE * np.count_nonzero(island):
+            return False
+        if self.weighting == weighting:
+            return True
+        both = np.repeat((island & self.mask).ravel(), 2)
+        return share_changed(variance.ravel(), self.variance.ravel(), both, _KEEP_FACTOR) <= _KEEP_SHARE
 
 
 @numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc"})
@@ -149,11 +156,12 @@ class CurlTest:
         return sum_on(noise.variance, island) / (2 * np.count_nonzero(island))
 
     def _templates(self, noise: SlopeNoise, x_mm: Float, y_mm: Float) -> _Templates:
-        like = self._integrator.island, self._integrator.weighting
+        like = self._integrator.island, self._integrator.weighting, noise.variance
         if self._made is None or not self._made.fit(*like):
             self._made, self._earlier = self._earlier, self._made
         if self._made is None or not self._made.fit(*like):
             self._made = self._make(noise, x_mm, y_mm)
+        self._made = replace(self._made, weighting=self._integrator.weighting)
         return self._made
 
     def _make(self, noise: SlopeNoise, x_mm: Float, y_mm: Float) -> _Templates:
@@ -180,4 +188,4 @@ class CurlTest:
         covariance = inverse @ np.einsum("aijk,bijk->ab", reach, shared) @ inverse
         variance = self._mean_variance(noise)
         found = across, down, inverse, covariance[:-1, :-1], variance, directions, depth[:count]
-        return _Templates(island.copy(), integrator.weighting, *found)
+        return _Templates(island.copy(), noise.variance, integrator.weighting, *found)

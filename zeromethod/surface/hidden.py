@@ -61,12 +61,12 @@ class HiddenDepth:
 def _divergence(left: Single, per_px: Float, share: float, island: Mask) -> Float:
     """Share of the divergence (rows, cols) of the slope that is left, mm; 0 where a neighbour lacks it."""
     rows, cols = island.shape
-    rise = np.full((2, rows, cols), np.nan)
+    rise = np.empty((2, rows, cols))
     for i in range(rows):
         for j in range(cols):
-            if island[i, j]:
-                for k in range(2):
-                    rise[k, i, j] = per_px[i, j, k, 0] * left[i, j, 0] + per_px[i, j, k, 1] * left[i, j, 1]
+            for k in range(2):
+                slope = per_px[i, j, k, 0] * left[i, j, 0] + per_px[i, j, k, 1] * left[i, j, 1]
+                rise[k, i, j] = slope if island[i, j] else math.nan
     out = np.zeros((rows, cols))
     for i in range(rows):
         for j in range(cols):

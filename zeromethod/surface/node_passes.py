@@ -44,6 +44,19 @@ def sum_on(values: Float, nodes: Mask) -> float:
 
 
 @numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc"})
+def dot(one: Float, other: Float | Mask) -> float:
+    """Sum of products of values (rows, cols).
+
+    In the same order on every machine's threads, which sums by a library are not; and it starts none.
+    """
+    total = 0.0
+    for i in range(one.shape[0]):
+        for j in range(one.shape[1]):
+            total += one[i, j] * other[i, j]
+    return total
+
+
+@numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc"})
 def squares_apart(one: Float, other: Float, nodes: Mask) -> float:
     """Sum over nodes (rows, cols) of the squared difference of vectors (rows, cols, 2)."""
     total = 0.0
@@ -106,8 +119,8 @@ def step_of(scale: Float, error: Float, constant: float, nodes: Mask) -> Float:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def together(scale: Float, of_frame: Float, systematic: Float, share: Float, depth: Float) -> Float:
-    """Sigma (rows, cols) of depth by noise of depth / h, systematic errors (n, ...) and a share of depth."""
+def together(scale: Float, of_frame: Float, share: Float, depth: Float, systematic: Float) -> Float:
+    """Sigma (rows, cols) of depth by noise of depth / h, a share of depth and systematic errors (n, ...)."""
     out = np.empty(depth.shape)
     for i in range(depth.shape[0]):
         for j in range(depth.shape[1]):

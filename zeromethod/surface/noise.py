@@ -13,7 +13,7 @@ from zeromethod.arrays import Float, Mask
 from zeromethod.surface.integrate import SlopeIntegrator, fill_in, share_changed
 from zeromethod.surface.node_variance import variance_of_noise
 from zeromethod.surface.noise_growth import grown_by, known_sums
-from zeromethod.surface.samples import AT_A_TIME, AT_FIRST, Samples
+from zeromethod.surface.samples import A_FEW, AT_FIRST, Samples
 
 _KEEP_SHARE, _KEEP_BACK, _KEEP_CHANGED = 0.02, 0.005, 0.05
 _KEEP_FACTOR = 2.0
@@ -83,8 +83,8 @@ class SlopeNoise:
 
     @property
     def correlation(self) -> Float:
-        """(2, n) own and other, 0 beyond their ends."""
-        out = np.zeros((2, max(len(self.own), len(self.other))))
+        """(2, 2 n + 1) own and other, 0 beyond their ends."""
+        out = np.zeros((2, 2 * (max(len(self.own), len(self.other)) // 2) + 1))
         out[0, : len(self.own)], out[1, : len(self.other)] = self.own, self.other
         return out
 
@@ -173,10 +173,10 @@ class _Map:
         samples = self._samples
         if samples is None:
             return
-        made, before = self._variance.any(), samples.taken
+        made, before = self._variance.any(), samples.stage
         if at_once or made or self.off is None or self._guesses >= _MOST_GUESSES:
-            samples.take(None if at_once else AT_A_TIME if made else AT_FIRST)
-        if not made or before < AT_FIRST <= samples.taken or samples.complete:
+            samples.take(None if at_once else A_FEW[before] if made else AT_FIRST)
+        if not made or samples.stage > before:
             self._sampled = samples.variance()
             self.off = samples.off
             self._shifted()
@@ -216,10 +216,11 @@ class DepthNoise:
     of the lattices (`log_rough_variance`) it varies slowly: its logarithm is a thin-plate spline through some
     220 nodes, closer together towards the border and around the narrowest dent. That is within 1 % rms of
     sigma, and within a third at single nodes of holes' rims, whose noise is their own. Where readings follow
-    each other, the samples of a new mask or new weights are worked out a few at a time: the first reading
-    goes by the rough variance and by what that was off before, on the safe side (mostly 10 to 25 % more than
-    sigma); after four readings there is every third along both axes, which is within 5 % rms of sigma and
-    mostly within 10 %; then the others in some thirty. They are kept while mask and noise keep their shape,
+    each other, the samples of a new mask or new weights are worked out one or two at a time: the first
+    reading goes by the rough variance and by what that was off before (for another mask on the safe side,
+    mostly 10 to 25 % more than sigma; for new weights alone within 3 % rms); after eight readings by how 16
+    nodes all over the view changed that; then the others, in 200 readings. Samples are kept while mask and
+    noise keep their shape,
     and for a mask that comes back, as a dent hides nodes while it moves; a frame then costs a rescaling:
     noise at distance r reaches depth with weight 1 / r (the gradient of Green's function in the plane), so
     that every octave of r counts alike and what the noise has grown by is the mean of its means over boxes,

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zeromethod.arrays import Float, Mask
+from zeromethod.surface.node_passes import dot
 
 _BOXES = (1, 3, 7, 15, 31, 63)
 _EVEN = 0.02
@@ -25,7 +26,7 @@ def grown_by(power: Float, kept: Float, both: Mask, known: Float, anchor: Float)
     values, total = np.empty(known.shape), np.zeros(ratio.shape)
     _sums(ratio, values)
     _add_box_means(values, known, boxes, middle, total)
-    at_anchor = float(np.vdot(anchor, total) / max(float(anchor.sum()), 1e-30))
+    at_anchor = float(dot(anchor, total) / max(float(anchor.sum()), 1e-30))
     return 0.5 * (total + at_anchor)
 
 

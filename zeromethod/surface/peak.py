@@ -197,8 +197,8 @@ def _summit(surface: Surface, row: int, col: int) -> _Summit | None:
         coefficients, powers = finer
     else:
         reach = _REACH
-    of_depth = dict(zip(powers, coefficients[:, 0].tolist(), strict=True))
-    offset = stationary(lambda at, *order: polynomial(of_depth, at, *order), np.zeros(2), reach, 1e-9)
+    of_depth = np.ascontiguousarray(coefficients[:, 0]), np.array(powers)
+    offset = stationary(lambda *place: polynomial(*of_depth, *place), np.zeros(2), reach, 1e-9)
     if offset is None:
         return None
     value = np.asarray((terms(offset[:1], offset[1:], powers) @ coefficients)[0], dtype=np.float64)

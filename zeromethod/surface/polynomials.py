@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from functools import cache
 
+import numba
 import numpy as np
 
-from zeromethod.arrays import Float
+from zeromethod.arrays import Float, Ints
 
 _STEPS = 8
 
@@ -25,15 +25,20 @@ def whole_window(reach: int, degree: int) -> Float:
     return np.asarray(np.linalg.pinv(terms(a, b, powers_of(degree))), dtype=np.float64)
 
 
-def polynomial(coefficients: dict[tuple[int, int], float], at: Float, da: int, db: int) -> float:
-    """Sum of c a^i b^j at (a, b), differentiated da times by a and db times by b."""
-    a, b = float(at[0]), float(at[1])
-    parts = (
-        c * math.perm(i, da) * math.perm(j, db) * a ** (i - da) * b ** (j - db)
-        for (i, j), c in coefficients.items()
-        if i >= da and j >= db
-    )
-    return float(sum(parts))
+@numba.njit(cache=True, error_model="numpy")
+def polynomial(coefficients: Float, powers: Ints, at: Float, da: int, db: int) -> float:
+    """Sum of c a^i b^j, powers (n, 2), at (a, b), differentiated da times by a and db times by b."""
+    total = 0.0
+    for k in range(len(powers)):
+        i, j, part = powers[k, 0], powers[k, 1], coefficients[k]
+        for m in range(da):
+            part *= i - m
+        for m in range(db):
+            part *= j - m
+        # else 0, by the factor 0 above
+        if i >= da and j >= db:
+            total += part * at[0] ** (i - da) * at[1] ** (j - db)
+    return total
 
 
 def terms(a: Float, b: Float, powers: list[tuple[int, int]]) -> Float:

@@ -27,6 +27,7 @@ from zeromethod.surface.integrate import LinearIntegration, SlopeIntegrator, lar
 from zeromethod.surface.lever import Lever
 from zeromethod.surface.node_passes import (
     at_rest_where_unknown,
+    dot,
     moved_on,
     surface_arrays,
     together,
@@ -55,7 +56,7 @@ class _Last:
     linear: LinearIntegration
     noise: SlopeNoise
     fit: RestFit
-    systematic: Float
+    systematic: list[Float]
 
 
 class SurfaceReader:
@@ -238,8 +239,9 @@ class SurfaceReader:
         if last is None or last.surface is not surface:
             raise InputError("surface: not the one last read, or without depth; read it first")
         modes = self._depth_modes * np.where(last.linear.island, surface.depth_mm[self._grid.inner], 0.0)
+        systematic = np.stack(last.systematic)
         return DepthCovariance(
-            self._grid, last.linear, last.noise, self._scale, last.fit.weights, last.systematic, modes
+            self._grid, last.linear, last.noise, self._scale, last.fit.weights, systematic, modes
         )
 
     def _start(self, time_ns: int, previous: Surface) -> Start | None:
@@ -271,25 +273,26 @@ class SurfaceReader:
         sigma_depth = np.full(island.shape, np.nan)
         anchor = Anchor("none", np.zeros(self._grid.shape, bool), 0.0)
         x, y = reading.point[..., 0], reading.point[..., 1]
-        fit, curl, systematic = reading.fit, None, np.zeros((0, *island.shape))
+        fit, curl = reading.fit, None
+        systematic: list[Float] = []
         self.noise_mm = np.full(island.shape, np.nan)
         if fit is not None and self._drift is not None:
             of_frame = self._noise.sigma(noise, x, y, fit.weights, alone)
             read = KnownReading(x, y, reading.depth, self._scale, of_frame, reading.slope, noise.variance)
             fit, systematic = self._drift.systematic(fit, read, noise)
-            border = border_sigma_mm(reading.slope, reading.point, island)
-            systematic = np.concatenate([systematic, border[None]])
-            if warp.left is not None:
-                hidden = self._hidden.of(warp.left, noise.variance, island)
-                systematic = systematic if hidden is None else np.concatenate([systematic, hidden[None]])
-            sigma_depth = together(self._scale, of_frame, systematic, self._depth_share, reading.depth)
+            systematic.append(border_sigma_mm(reading.slope, reading.point, island))
+            hidden = None if warp.left is None else self._hidden.of(warp.left, noise.variance, island)
+            if hidden is not None:
+                systematic.append(hidden)
+            errors = self._depth_share, reading.depth, np.stack(systematic)
+            sigma_depth = together(self._scale, of_frame, *errors)
             curl = self._drift.test(warp, reading, noise)
             self.noise_mm = self._scale * of_frame
         if fit is not None:
-            typical = fit.sigma_mm * float(np.sqrt(np.vdot(self._scale2, island) / np.count_nonzero(island)))
+            typical = fit.sigma_mm * float(np.sqrt(dot(self._scale2, island) / np.count_nonzero(island)))
             anchor = Anchor(fit.mode, self._grid.padded(fit.weights > 0.0, False), typical, fit.far_field_mm)
         read_nodes = Lattice(reading.depth, reading.slope, reading.point)
-        contact = (warp.flags & Flag.LIGHT_LOST != 0) & (warp.flags & (Flag.OUTSIDE | Flag.NO_RAY) == 0)
+        contact = warp.flags & (Flag.LIGHT_LOST | Flag.OUTSIDE | Flag.NO_RAY) == Flag.LIGHT_LOST
         surface = Surface(
             **self._arrays(island, read_nodes, sigma_depth, noise.variance),
             valid=self._grid.padded(island, False),

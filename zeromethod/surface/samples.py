@@ -18,13 +18,16 @@ from zeromethod.surface.thin_plate import thin_plate
 from zeromethod.warp.continuation import continue_smoothly
 
 _SAMPLES_PER_AXIS = 13
-_COARSE = 3
+_EVERY = 4, 2, 1
+"""Of them, those of each stage along both axes, with those of the stages before."""
 _AROUND = np.array([-6, -3, -1, 0, 1, 3, 6])
+_SOME_AROUND = 5
+"""Of these, every so many is of the second stage."""
 _BLURS, _OFF_BORDER = ((3, 3), (15, 15)), 3
 _RINGS, _ON_RING = 2, 16
 """Rings around holes, and samples on each."""
-AT_FIRST, AT_A_TIME = 25, 8
-"""Samples by which there is a map, and those that are worked out in one reading, where a few will do."""
+AT_FIRST, A_FEW = 16, (2, 1, 1)
+"""Samples by which there is a map, and those worked out in one reading where a few will do, by the stage."""
 _CAREFUL = 1.4
 """Variance by another mask's samples over what it most likely is: the rough one is off by up to 15 %."""
 _CHANGED = 0.1
@@ -63,7 +66,7 @@ class Samples:
         rough = log_rough_variance(linear.solution, np.where(island, anchor, 0.0)) + np.log(grown)
         # nodes of holes may come back while the samples are kept
         self._rough = continue_smoothly(np.stack([rough, rough], axis=-1), island)[..., 0]
-        self.off = off
+        self.off = self._before = off
         """Logarithm (rows, cols) of the variance over the rough one, as it varies slowly; None: not known."""
         changed = 1.0 if other is None else np.count_nonzero(other != island) / np.count_nonzero(island)
         self._careful = 1 + (_CAREFUL - 1) * min(changed / _CHANGED, 1.0)
@@ -83,10 +86,9 @@ class Samples:
         """Nodes to be sampled: all over the island, and on each ring."""
         inside = self._island & ~np.any(self._rings, axis=0)
         inside = inside if inside.any() else self._island
-        spread = sample_nodes(inside, _at_narrowest(self._power, inside))
         # in no even steps, as a row may cross a ring twice
         return [
-            spread,
+            *sample_nodes(inside, _at_narrowest(self._power, inside)),
             *(
                 on[np.unique(np.linspace(0, len(on) - 1, min(_ON_RING, len(on))).astype(np.intp))]
                 for on in map(np.flatnonzero, self._rings)
@@ -97,6 +99,19 @@ class Samples:
     def nodes(self) -> Ints:
         """Flat numbers of all that are sampled, in turn."""
         return np.concatenate(self._parts)
+
+    @cached_property
+    def _ends(self) -> NDArray[np.intp]:
+        return np.cumsum([len(one) for one in self._parts])
+
+    @property
+    def stage(self) -> int:
+        """How many of the stages are complete; the last one with the rings."""
+        return (
+            0
+            if self.taken == 0
+            else sum(self.taken >= end for end in (*self._ends[: len(_EVERY) - 1], self._ends[-1]))
+        )
 
     @cached_property
     def _found(self) -> Float:
@@ -122,9 +137,12 @@ class Samples:
         # nodes whose own depth is the anchor have none
         over = np.log(np.maximum(found, _LEAST_SAMPLE * found.max(initial=1e-30)))
         over -= self._rough.ravel()[self.nodes[: self.taken]]
-        ends = np.cumsum([len(one) for one in self._parts])
+        ends = self._ends[len(_EVERY) - 1 :]
         first = min(self.taken, ends[0])
-        self.off = thin_plate(self.nodes[:first], over[:first], *self._rough.shape)
+        at = self.nodes[:first]
+        # few say best by how much that has changed which was known before
+        before = np.zeros(self._rough.shape) if self._before is None or first == ends[0] else self._before
+        self.off = before + thin_plate(at, over[:first] - before.ravel()[at], *before.shape)
         out = self._rough + self.off
         for ring, start, end in zip(self._rings, ends[:-1], ends[1:], strict=True):
             if start < end <= self.taken:
@@ -171,23 +189,24 @@ def _at_narrowest(power: Float, island: Mask) -> NDArray[np.intp]:
     return np.flatnonzero(chosen & island)
 
 
-def sample_nodes(island: Mask, narrow: NDArray[np.intp]) -> Ints:
-    """Flat numbers of the `narrow` ones and of island nodes on Chebyshev's points of both axes.
+def sample_nodes(island: Mask, narrow: NDArray[np.intp]) -> list[Ints]:
+    """Flat numbers of the `narrow` ones and of island nodes on Chebyshev's points of both axes, in stages.
 
-    Those of every third along both axes come first; with others, evenly, where hardly any are on the island.
+    First those of every fourth along both axes; with others, evenly, where hardly any are on the island.
+    Then those of every second, and some of the narrow ones; then all.
     """
-    chosen = np.zeros(island.shape, int)
+    stage = np.full(island.shape, len(_EVERY))
     along = 0.5 * (1.0 - np.cos(np.linspace(0.0, np.pi, _SAMPLES_PER_AXIS)))
     places = []
     for axis in (1, 0):
         there = np.flatnonzero(island.any(axis=axis))
         places.append(np.rint(there[0] + (there[-1] - there[0]) * along).astype(np.intp))
-    chosen.ravel()[narrow] = 1
-    chosen[np.ix_(*places)] = 1
-    chosen[np.ix_(*(one[::_COARSE] for one in places))] = 2
-    first, others = (np.flatnonzero((chosen == value) & island) for value in (2, 1))
-    if len(first) < AT_FIRST // 2:
+    stage.ravel()[narrow] = 2
+    stage[np.ix_(*places)] = 2
+    stage.ravel()[narrow[::_SOME_AROUND]] = 1
+    for number in (1, 0):
+        stage[np.ix_(*(one[:: _EVERY[number]] for one in places))] = number
+    if np.count_nonzero(island & (stage == 0)) < AT_FIRST // 2:
         on = np.flatnonzero(island)
-        first = np.union1d(first, on[:: max(len(on) // AT_FIRST, 1)])
-        others = np.setdiff1d(others, first)
-    return np.concatenate([first, others]).astype(np.int64)
+        stage.ravel()[on[:: max(len(on) // AT_FIRST, 1)]] = 0
+    return [np.flatnonzero((stage == number) & island).astype(np.int64) for number in range(len(_EVERY))]

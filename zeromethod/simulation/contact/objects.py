@@ -33,6 +33,7 @@ class Solid:
     `angle_deg`, from x towards y), a finger (a ball with `ridge_height_mm` high ridges, `ridge_pitch_mm`
     apart along that angle), bars (a punch with such ridges, flat, sharp, half a pitch wide). flank_deg: of a
     cone, from the surface. adhesion_j_m2: work to part a ball from the rubber.
+    friction: force along x that it drags the rubber with, over that into it.
     Balls are parabolas of that curvature, as Hertz has them.
     """
 
@@ -45,6 +46,7 @@ class Solid:
     ridge_height_mm: float = 0.0
     adhesion_j_m2: float = 0.0
     albedo: float = ALBEDO["black"]
+    friction: float = 0.0
 
     @property
     def flat(self) -> bool:

@@ -95,8 +95,8 @@ def _check_apart(patches: list[Patch]) -> None:
                 )
 
 
-def _depth_maps(patch: Patch, compliance: Compliance) -> tuple[Dent, Dent]:
-    """(wide, fine) dents that add up to what the patch's pressures do to the surface."""
+def _depth_maps(patch: Patch, compliance: Compliance) -> tuple[Dent, ...]:
+    """Dents, wide and fine ones, that add up to what the patch's pressures do to the surface."""
     depth = _wide_depth(patch, compliance)
     wide = _wide_map(patch, depth)
     lattice, held = patch.lattice, patch.held
@@ -118,7 +118,27 @@ def _depth_maps(patch: Patch, compliance: Compliance) -> tuple[Dent, Dent]:
     )  # fmt: skip
     if compliance.body is not None:
         wide = _wide_map(patch, depth + _of_body(patch, compliance))
+    if held.solid.friction:
+        return wide, fine, _wide_map(patch, _dragged(patch, compliance))
     return wide, fine
+
+
+def _dragged(patch: Patch, compliance: Compliance) -> Float:
+    """Depth on the wide lattice by friction: deeper ahead, along x, and less deep behind; 0 at nu = 0.5.
+
+    That of a half-space; pressures are taken as without it (Goodman). Source: Johnson 1985, 3.2.
+    """
+    rubber, held = compliance.rubber, patch.held
+    per_n = (1 - 2 * rubber.poisson) * (1 + rubber.poisson) / (2 * np.pi * compliance.youngs_modulus_mpa)
+    x, y = (
+        middle + WIDE_PITCH_MM * (np.arange(n) - (n - 1) / 2)
+        for middle, n in zip((held.x_mm, held.y_mm), _wide_shape(), strict=True)
+    )
+    depth = np.zeros((len(y), len(x)))
+    for bx, by, force in zip(*patch.blocks(), strict=True):
+        ahead, across = x - bx, (y - by)[:, None]
+        depth += held.solid.friction * force * per_n * ahead / (ahead**2 + across**2 + WIDE_PITCH_MM**2 / 4)
+    return depth
 
 
 def _fade(count: int, margin: int) -> Float:
