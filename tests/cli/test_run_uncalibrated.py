@@ -6,10 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import Result
-from commands import typed
+from commands import assert_refused, typed
 from commissioning.calibration import planted
 
 from zeromethod import Recording, State
+from zeromethod.cli.check import check_command
 from zeromethod.cli.run import run_command
 
 
@@ -39,6 +40,11 @@ def test_it_says_so_measures_the_rest_and_points_to_calibrate(ran, rig_file):
     assert f"zeromethod calibrate --rig {rig_file}" in ran.output
     assert "do not touch the mirror" in ran.output
     assert "depth is relative" in str(ran.exception)
+
+
+def test_check_has_nothing_to_compare_it_with(rig_file, folder):
+    assert_refused(typed(check_command, "--rig", rig_file), f"{rig_file}: never calibrated")
+    assert not list(folder.rglob("checks.csv"))
 
 
 def test_summary_marks_depth_as_relative(ran, folder):

@@ -47,6 +47,15 @@ def test_saved_values_are_read_back_exactly(file):
     assert [line.split("#")[1] for line in file.read_text().splitlines() if "#" in line] == comments
 
 
+def test_a_new_key_ends_its_own_table(file):
+    save_values(file, {"rubber.youngs_modulus_sigma_mpa": 0.01, "pattern_layers[0].index_sigma": None})
+    lines = file.read_text().splitlines()
+    added = lines.index("youngs_modulus_sigma_mpa = 0.01")
+    before = SIMULATED.read_text().splitlines()
+    assert lines[:added] + lines[added + 1 :] == before
+    assert [lines[added - 1][:7], lines[added + 1]] == ["support", ""]
+
+
 def test_line_ends_and_links_are_kept(file):
     file.write_bytes(file.read_bytes().replace(b"\n", b"\r\n"))
     link = file.with_name("link.toml")

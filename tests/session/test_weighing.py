@@ -10,7 +10,7 @@ from command_line import run
 from small_rigs import BENCH_160, small_rig_file
 
 from zeromethod import MeasurementError, load_rig
-from zeromethod.loop.state import State
+from zeromethod.loop.state import State, Status
 from zeromethod.session.weighing import GRAVITY_M_S2, for_weighing, weigh
 
 E_MPA, GRAMS = 1.6, 20.0
@@ -61,12 +61,11 @@ def test_a_rig_is_weighed_without_what_its_file_says_of_the_rubber():
     assert for_weighing(rig).rubber == for_weighing(load_rig("simulated")).rubber
 
 
-def test_what_is_found_is_written_into_the_rig_file(tmp_path, monkeypatch):
-    values = BENCH_160 | {"rubber.youngs_modulus_mpa": 3.0, "rubber.poisson_sigma": 0.01}
-    file = small_rig_file(tmp_path / "my.toml", values)
-
+def plant(monkeypatch, *forces_n, interrupted=False, status=None):
     class Weighing:
         """A session that reads planted forces, whatever the rig says of its rubber."""
+
+        result, loop = SimpleNamespace(interrupted=interrupted), SimpleNamespace(status=status or Status())
 
         def __init__(self, rig, devices):
             assert rig.rubber.youngs_modulus_mpa == 1.0
@@ -78,9 +77,33 @@ def test_what_is_found_is_written_into_the_rig_file(tmp_path, monkeypatch):
             pass
 
         def run(self):
-            return steps(*REST, *HELD)
+            return steps(*forces_n)
 
     monkeypatch.setattr("zeromethod.cli.calibrate_weight.Session", Weighing)
+
+
+@pytest.mark.parametrize(
+    ("ended", "code", "words"),
+    [
+        ({"interrupted": True}, 130, ""),
+        ({"status": Status(State.FAULT, "the camera is lost")}, 1, "weight: the camera is lost"),
+    ],
+)
+def test_a_run_that_ends_before_writes_nothing_and_says_why(tmp_path, monkeypatch, ended, code, words):
+    file = small_rig_file(tmp_path / "my.toml", BENCH_160)
+    before = file.read_text()
+    plant(monkeypatch, *REST, **ended)
+    outcome = run("calibrate weight --grams 20 --rig", file)
+    assert outcome.code == code
+    assert words in outcome.err
+    assert file.read_text() == before
+
+
+def test_what_is_found_is_written_into_the_rig_file(tmp_path, monkeypatch):
+    values = BENCH_160 | {"rubber.youngs_modulus_mpa": 3.0, "rubber.poisson_sigma": 0.01}
+    file = small_rig_file(tmp_path / "my.toml", values)
+
+    plant(monkeypatch, *REST, *HELD)
     outcome = run(
         "calibrate weight --grams 20 --grams-sigma 0.02 --rig", file, "--summary", tmp_path / "w.json"
     )

@@ -11,8 +11,10 @@ from zeromethod.simulation.contact.bow import bow_of, on_rest
 from zeromethod.simulation.contact.compliance import Compliance, Spread, layer_factor
 from zeromethod.simulation.contact.objects import Form, Held, Solid
 from zeromethod.simulation.contact.patch import Lattice, Patch, Presser
+from zeromethod.simulation.contact.path import ObjectPath
 from zeromethod.simulation.contact.scene import scene_of
 from zeromethod.simulation.contact.solver import press_to_depth
+from zeromethod.simulation.path import PathPoint
 
 RUBBER = Rubber(youngs_modulus_mpa=1.7, poisson=0.47)
 MODULUS = 1.7 / (1 - 0.47**2)
@@ -152,6 +154,20 @@ def test_a_sticking_ball_obeys_jkr():
     # cells at the edge, where the tension runs to infinity
     assert touch.force_n == pytest.approx(force, rel=5e-3)
     assert touch.area_mm2 > 1.2 * solved(Held(Solid(Form.BALL, radius), 0.0, 0.0, depth_mm=depth)).area_mm2
+
+
+def test_a_ball_that_sticks_is_pulled_as_far_as_jkr_lets_it():
+    """It parts at 3/2 pi w R = 1.18 mN; doi:10.1098/rspa.1971.0141."""
+    sticks = Solid(Form.BALL, 5.0, adhesion_j_m2=0.05)
+    touch = solved(Held(sticks, 0.0, 0.0, force_n=-0.001))
+    a = np.sqrt(touch.area_mm2 / np.pi)
+    force = 4 / 3 * MODULUS * a**3 / 5.0 - np.sqrt(8 * np.pi * a**3 * 0.05e-3 * MODULUS)
+    assert force == pytest.approx(-0.001, rel=0.01)
+    with pytest.raises(InputError, match="it parts ball and rubber"):
+        solved(Held(sticks, 0.0, 0.0, force_n=-0.0012))
+    path = ObjectPath(sticks, (PathPoint(0, 42.0, 0.0, -0.001),), by_force=True)
+    assert path.held_at(0) is not None
+    assert ObjectPath(Solid(Form.BALL, 5.0), path.points, by_force=True).held_at(0) is None
 
 
 def test_displacement_far_from_a_load_is_boussinesq_s():

@@ -23,7 +23,8 @@ from zeromethod.cli.device_options import (
 from zeromethod.cli.numbers import Real
 from zeromethod.cli.output import summary_option, write_summary
 from zeromethod.cli.stopping import stopped_by_signals
-from zeromethod.errors import InputError
+from zeromethod.errors import InputError, MeasurementError
+from zeromethod.loop.state import State
 from zeromethod.optics import check_geometry
 from zeromethod.rig.model import SIMULATED
 from zeromethod.rig.save import save_values
@@ -100,7 +101,16 @@ def weight_command(
                 f"--rig: {rig_name}: not calibrated: zeromethod calibrate --rig {rig_name} first"
             )
         with Session(for_weighing(rig), devices=opened) as session, closing(session.run()) as steps:
-            found = weigh(steps, grams, sigma_grams, patience_s, lambda words: click.echo(words, err=True))
+            try:
+                found = weigh(
+                    steps, grams, sigma_grams, patience_s, lambda words: click.echo(words, err=True)
+                )
+            except MeasurementError:
+                if session.result.interrupted:
+                    raise KeyboardInterrupt from None
+                if (status := session.loop.status).state is State.FAULT:
+                    raise MeasurementError(f"weight: {status.reason}") from None
+                raise
     save_values(path, found.rig_values)
     for line in _words(found, path):
         click.echo(line)

@@ -28,10 +28,15 @@ from zeromethod.cli.stopping import stopped_by_signals
 from zeromethod.commissioning.daily_check.check import check_bench
 from zeromethod.commissioning.daily_check.findings import DailyCheck, Fitness
 from zeromethod.commissioning.daily_check.log import append_check, log_of
-from zeromethod.errors import MeasurementError
+from zeromethod.errors import InputError, MeasurementError
 from zeromethod.optics import check_geometry
+from zeromethod.session.trust import is_known
 from zeromethod.thread_limits import limit_threads
 from zeromethod.view.table import text_table
+
+NEVER = (
+    "never calibrated: there is nothing to compare the bench with: give the rig.toml of zeromethod calibrate"
+)
 
 
 @click.command(
@@ -86,6 +91,8 @@ def check_command(
         with stopped_by_signals(), opened_devices(rig) as devices:
             if stored is not None:
                 check_calibration(stored, rig_name, rig, devices)
+            elif not is_known(rig, devices.camera):
+                raise InputError(f"--rig: {rig_name}: {NEVER}")
             found = check_bench(
                 rig,
                 devices,

@@ -260,6 +260,7 @@ class Loop:
         events, refusal = verdict.events, verdict.refusal
         if result.refusal is not None:
             events, refusal = (*events, result.refusal), Notice.refusal(result.refusal)
+        trouble = self._show(result, refusal, frozen, now_ns)  # before it is judged, which takes longer
         events += self._judged(frame, result)
         if result.coded:
             events += (Event.BURST,)
@@ -267,7 +268,6 @@ class Loop:
         state = self.paused, partial(self._at_rest, result), self.bench.doubt or self.doubt
         outcome = frame_outcome(verdict, result, refusal, events, *state)
         self.over |= verdict.wrong and self._check.wrong_frames >= WRONG_FRAMES_TO_END
-        trouble = self._show(result, refusal, frozen, now_ns)
         if trouble is not None:
             events += trouble.events
             outcome = StepOutcome(trouble.outcome, trouble.reason)

@@ -8,6 +8,8 @@ passes for dirt.
 
 from __future__ import annotations
 
+import math
+
 import numba
 import numpy as np
 from scipy.ndimage import maximum_filter
@@ -56,7 +58,7 @@ class RestMemory:
         self._terms = quadratic(*np.meshgrid(cols, rows))
         self._frames = 0
         self._known: Mask = np.ones(shape, np.bool_)
-        self._open: Float = np.zeros(shape)
+        self._open: Float = np.zeros((*shape, 2))
         self.off: Float = np.zeros((*shape, 2))
         """(rows, cols, 2) LCD px that nodes are off at rest; 0 where that is not known."""
 
@@ -83,7 +85,7 @@ class RestMemory:
             self._known &= measured.valid
             self.off += (measured.q - rest_q - self.off) / self._frames
             self.off[~self._known] = 0.0
-            self._open = OPEN * maximum_filter(np.abs(self.off).max(axis=-1), 3)
+            self._open[:] = OPEN * maximum_filter(np.abs(self.off).max(axis=-1), 3)[..., None]
 
     def pressed_lcd_px(self, away: Float, sigma: Float, valid: Mask) -> float:
         """Displacement rms of the part that is most unlike it was at rest; 0 where all are within limits.
@@ -102,51 +104,77 @@ class RestMemory:
         return float(pressed)
 
 
+@numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc"})
+def _add_row(
+    away: Float, off: Float, dirt: Float, sigma: Float, known: Mask, noises: float, drift: Float, sums: Float
+) -> None:
+    """Add one row of nodes, both components in turn (n,), to `sums` (6, n).
+
+    Those are displacements since rest, these over their limits, and those from the untouched mirror over
+    theirs; and the squares of all. Arguments are one row of those of `_unlike`. As lines, so that they are
+    vectorised.
+    """
+    s0, s1, s2, s3, s4, s5 = sums[0], sums[1], sums[2], sums[3], sums[4], sums[5]
+    for n in range(len(known)):
+        raw = away[n] - drift[n]
+        now = raw - off[n]
+        limit = WITHIN_LCD_PX + noises * sigma[n]
+        wider = limit + dirt[n]
+        per = 1.0 / (limit * wider)
+        now = now if known[n] else 0.0
+        as_it_was = now * (per * limit) if known[n] else 0.0
+        untouched = raw * (per * wider) if known[n] else 0.0
+        s0[n] += now
+        s1[n] += as_it_was
+        s2[n] += untouched
+        s3[n] += now * now
+        s4[n] += as_it_was * as_it_was
+        s5[n] += untouched * untouched
+
+
 @numba.njit(cache=True)
 def _unlike(
     away: Float, off: Float, dirt: Float, sigma: Float, valid: Mask, side: int, noises: float, drift: Float
 ) -> tuple[float, Float, Float]:
     """Largest rms of a part that is neither as it was nor where the untouched mirror is, LCD px.
 
-    away, off (rows, cols, 2): displacement now and at rest, which may have changed by dirt (rows, cols).
+    away, off (rows, cols, 2): displacement now and at rest, which may have changed by dirt (rows, cols, 2).
     drift: (rows, cols, 2) of parts, taken off. Also how many of each part's nodes are valid, and their mean
     of away - off, 0 where they are too few.
     """
     rows, cols = valid.shape
     down, across = drift.shape[:2]
-    counts, means = np.zeros((down, across)), np.zeros((down, across, 2))
-    sums, mean, worst = np.zeros((2, 3)), np.zeros(2), 0.0
+    counts, means, worst = np.zeros((down, across)), np.zeros((down, across, 2)), 0.0
+    sums, part = np.zeros((6, 2 * cols)), np.zeros((6, 2))
+    of_row, known, seen = np.zeros((cols, 2)), np.zeros((cols, 2), np.bool_), np.zeros(cols)
     for top in range(down):
+        sums[:], seen[:] = 0.0, 0.0
+        for i in range(cols):
+            of_row[i] = drift[top, i // side]
+        for j in range(top * side, min((top + 1) * side, rows)):
+            for i in range(cols):
+                known[i, 0] = known[i, 1] = valid[j, i]
+                seen[i] += valid[j, i]
+            lines = away[j].reshape(-1), off[j].reshape(-1), dirt[j].reshape(-1), sigma[j].reshape(-1)
+            _add_row(*lines, known.reshape(-1), noises, of_row.reshape(-1), sums)
         for left in range(across):
-            nodes, square = 0, 0.0
-            sums[:], mean[:] = 0.0, 0.0
-            for j in range(top * side, min((top + 1) * side, rows)):
-                for i in range(left * side, min((left + 1) * side, cols)):
-                    if valid[j, i]:
-                        nodes += 1
-                        for k in range(2):
-                            raw = away[j, i, k] - drift[top, left, k]
-                            now = raw - off[j, i, k]
-                            limit = WITHIN_LCD_PX + noises * sigma[j, i, k]
-                            mean[k] += now
-                            square += 0.5 * now * now
-                            sums[1, k] += raw / limit
-                            sums[1, 2] += 0.5 * (raw / limit) ** 2
-                            limit += dirt[j, i]
-                            sums[0, k] += now / limit
-                            sums[0, 2] += 0.5 * (now / limit) ** 2
+            nodes = seen[left * side : (left + 1) * side].sum()
             if nodes < LEAST_NODES:
                 continue
-            counts[top, left] = nodes
-            means[top, left] = mean / nodes + drift[top, left]
+            counts[top, left], part[:] = nodes, 0.0
+            for one in range(6):
+                for i in range(left * side, min((left + 1) * side, cols)):
+                    part[one, 0] += sums[one, 2 * i]
+                    part[one, 1] += sums[one, 2 * i + 1]
+            means[top, left] = part[0] / nodes + drift[top, left]
             # as it was, or as the untouched mirror is: something may have lifted since
-            as_it_was, untouched = _within(sums[0], nodes), _within(sums[1], nodes)
-            if not (as_it_was or untouched):
-                worst = max(worst, np.sqrt(square / nodes))
+            if not (_within(part[1], part[4], nodes) or _within(part[2], part[5], nodes)):
+                worst = max(worst, math.sqrt(0.5 * (part[3, 0] + part[3, 1]) / nodes))
     return worst, counts, means
 
 
 @numba.njit(cache=True)
-def _within(sums: Float, nodes: int) -> bool:
+def _within(sums: Float, squares: Float, nodes: float) -> bool:
     """Whether nodes are within their limits: sums of both displacements over these, and of their squares."""
-    return bool(sums[2] <= nodes and max(abs(sums[0]), abs(sums[1])) <= 0.5 * nodes)
+    within = 0.5 * (squares[0] + squares[1]) <= nodes
+    return bool(within and max(abs(sums[0]), abs(sums[1])) <= 0.5 * nodes)

@@ -7,7 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import tomlkit
+from tomlkit import TOMLDocument
 from tomlkit.exceptions import TOMLKitError
+from tomlkit.items import AoT, Item, Key, Table
 
 from zeromethod.atomic_write import atomic_write
 from zeromethod.errors import InputError
@@ -33,6 +35,7 @@ def save_values(path: Path, values: Mapping[str, Any], destination: Path | None 
         document = tomlkit.parse(read_text(path))
     except TOMLKitError as error:
         raise InputError(f"{path}: {error}: not TOML") from None
+    ends = _take_ends(document)
     for key, value in values.items():
         try:
             set_value(document, key, value)
@@ -40,6 +43,8 @@ def save_values(path: Path, values: Mapping[str, Any], destination: Path | None 
             raise InputError(
                 f"{path}: {key}: {shown(value)}: a key of a rig file and a value of TOML"
             ) from None
+    for body, end in ends:
+        body.extend(end)
     text = tomlkit.dumps(document)
     parse_rig(text, target)
     try:
@@ -49,3 +54,24 @@ def save_values(path: Path, values: Mapping[str, Any], destination: Path | None 
         raise InputError(
             f"{target}: cannot be written: {error.strerror}: a file in a folder of yours"
         ) from None
+
+
+_Body = list[tuple[Key | None, Item]]
+
+
+def _take_ends(table: TOMLDocument | Table) -> list[tuple[_Body, _Body]]:
+    """Take blank lines and comments off the ends of tables: a key that is added belongs before them.
+
+    What is returned: each table's body, and its end.
+    """
+    body: _Body = (table.value if isinstance(table, Table) else table).body
+    count = len(body)
+    while count and body[count - 1][0] is None:
+        count -= 1
+    ends = [(body, body[count:])]
+    del body[count:]
+    for _, item in body:
+        for part in item.body if isinstance(item, AoT) else [item]:
+            if isinstance(part, Table):
+                ends += _take_ends(part)
+    return ends

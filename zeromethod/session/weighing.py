@@ -77,7 +77,8 @@ def weigh(
     Raises
     ------
     MeasurementError
-        The mirror was not nulled at rest, nothing was put on it, or the force did not keep still.
+        The mirror was not nulled at rest, nothing was put on it, the force did not keep still, or the run
+        ended.
     """
     weight_n = 1e-3 * grams * GRAVITY_M_S2
     row: deque[tuple[float, float, int]] = deque(maxlen=_FRAMES)
@@ -85,7 +86,7 @@ def weigh(
     for step in steps:
         since_s = step.time_s if math.isnan(since_s) else since_s
         if step.time_s - since_s > patience_s:
-            break
+            raise MeasurementError(f"weight: {missing} within {patience_s:g} s")
         # a press that is held reads well while its rim is still being nulled
         if step.state not in NULLED and not (asked and step.state is State.NULLING):
             row.clear()
@@ -102,7 +103,7 @@ def weigh(
             row.append((step.total_force_n, step.sigma_total_force_n, len(step.touching)))
             if len(row) == _FRAMES and _still(row):
                 return _weighed(row, weight_n, sigma_grams / grams)
-    raise MeasurementError(f"weight: {missing} within {patience_s:g} s")
+    raise MeasurementError("weight: the run ended before its force was taken")
 
 
 def _still(row: Iterable[tuple[float, float, int]]) -> bool:

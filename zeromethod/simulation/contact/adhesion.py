@@ -14,6 +14,7 @@ import numpy as np
 import scipy
 
 from zeromethod.arrays import Float
+from zeromethod.errors import InputError
 from zeromethod.rig.tables import Rubber
 from zeromethod.simulation.contact.compliance import Compliance, layer_factor
 
@@ -72,13 +73,22 @@ class BallContact:
         )
 
     def radius_for(self, adhesion_n_mm: float, *, depth_mm: float | None, force_n: float | None) -> float:
-        """Contact radius, mm, of a ball held at a depth or by a force, both > 0."""
+        """Contact radius, mm, of a ball held at a depth > 0 or by a force; below 0, it pulls.
+
+        Raises InputError for a pull that parts them.
+        """
 
         def miss(contact_mm: float) -> float:
             found = self.within(contact_mm, adhesion_n_mm)
             return found.depth_mm - depth_mm if depth_mm is not None else found.force_n - (force_n or 0.0)
 
         low, high = 1e-4 * self._radius_mm, 1e-2 * self._radius_mm
+        if force_n is not None and force_n < 0:
+            # narrower than this a contact under a constant pull parts, on a half-space
+            low = (9 * np.pi * adhesion_n_mm * self._radius_mm**2 / (8 * self._modulus)) ** (1 / 3)
+            high = 1.1 * low
+            if miss(low) > 0:
+                raise InputError(f"object: force_n: {force_n:g}: it parts ball and rubber: a weaker pull")
         while miss(high) < 0:
             low, high = high, 2 * high
         return float(scipy.optimize.brentq(miss, low, high, xtol=1e-9))

@@ -22,9 +22,10 @@ class ObjectPath:
     number: int = 0
 
     def held_at(self, time_ns: int) -> Held | None:
-        """The object at `time_ns`; None while it is lifted."""
+        """The object at `time_ns`; None while it is lifted. A force below 0 pulls at a ball that sticks."""
         x_mm, y_mm, load = place_at(self.points, time_ns)
-        if load <= 0:
+        pulls = load < 0 and self.by_force and self.solid.adhesion_j_m2 > 0
+        if load <= 0 and not pulls:
             return None
         depth_mm, force_n = (None, load) if self.by_force else (load, None)
         return Held(self.solid, x_mm, y_mm, depth_mm, force_n, self.number)
