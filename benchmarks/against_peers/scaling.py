@@ -35,7 +35,7 @@ SIZES: tuple[Size, ...] = ((256, 320), (512, 640), (1024, 1280), (2048, 2560))
 """(rows, cols) of the frames."""
 
 SETTLING = 40
-"""Readings of a new mask until the samples of its noise are complete."""
+"""Readings before any is timed; the first takes all samples of noise at once."""
 
 NODE_PITCH_MM = 0.24
 REPEATED_PX = (256, 320)

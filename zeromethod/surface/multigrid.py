@@ -201,6 +201,14 @@ def _gradients(
             return
 
 
+def _flat(parts: list[Float], places: NDArray[np.intp]) -> NDArray[np.float32]:
+    """All parts in one array, each from its place on; the last place is the end."""
+    out = np.zeros(places[-1], np.float32)
+    for one, at in zip(parts, places[:-1], strict=True):
+        out[at : at + one.size] = one.ravel()
+    return out
+
+
 @dataclass(frozen=True, slots=True)
 class LatticeSolution:
     """Lattices, from fine to coarse, of one A; see the module.
@@ -226,7 +234,7 @@ class LatticeSolution:
         matrix[0, 1:-1, 1:-1] = (
             matrix[1, 1:-1, 1:-1] + matrix[1, 1:-1, :-2] + matrix[2, 1:-1, 1:-1] + matrix[2, :-2, 1:-1]
         )
-        lattices, between = [matrix], [np.zeros((8, rows + 2, cols + 2))]
+        lattices, between = [matrix], [np.zeros(0)]
         while max(rows, cols) > _FEWEST:
             rows, cols = (rows + 1) // 2, (cols + 1) // 2
             p, coarser = (np.zeros((planes, rows + 2, cols + 2)) for planes in (8, 5))
@@ -235,16 +243,14 @@ class LatticeSolution:
             lattices.append(coarser)
             between.append(p)
         sizes = [one.shape[1:] for one in lattices]
-        before = np.cumsum([0, *(m * n for m, n in sizes)])[:-1]
+        before = np.cumsum([0, *(m * n for m, n in sizes)])
         inverse = [np.divide(1.0, a[0], out=np.zeros_like(a[0]), where=a[0] > 0.0) for a in lattices]
-        flat = [np.concatenate([one.ravel() for one in part]) for part in (lattices, inverse, between)]
-        edges, diagonals, weights = (one.astype(np.float32) for one in flat)
         return cls(
-            np.array([(*one, at) for one, at in zip(sizes, before, strict=True)]),
+            np.array([(*one, at) for one, at in zip(sizes, before[:-1], strict=True)]),
             matrix,
-            edges,
-            diagonals,
-            weights,
+            _flat(lattices, 5 * before),
+            _flat(inverse, before),
+            _flat(between, 8 * before),
             np.linalg.pinv(dense(lattices[-1]), rcond=_NULL, hermitian=True).astype(np.float32),
         )
 
