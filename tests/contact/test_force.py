@@ -87,8 +87,11 @@ def test_forces_of_contacts_side_by_side_are_told_apart_and_their_sum_is_known_b
 
 def test_a_pull_has_the_opposite_sign_of_a_push():
     """A flat punch that is pulled makes the dent of one that is pressed, upwards."""
-    contacts, _ = ForceReader(rig()).read(surface(outwards(punch, -0.01), (0.0, 0.0)), [round_contact()])
+    contacts, total = ForceReader(rig()).read(surface(outwards(punch, -0.01), (0.0, 0.0)), [round_contact()])
     assert contacts[0].force_n == pytest.approx(-0.01 * E_STAR * RADIUS_MM / 0.5, rel=0.01)
+    # as far as pulls were compared with true ones
+    assert contacts[0].sigma_force_n == pytest.approx(0.04 * abs(contacts[0].force_n), rel=0.05)
+    assert total.sigma_n == pytest.approx(contacts[0].sigma_force_n, rel=1e-9)
 
 
 @pytest.mark.parametrize("axis", [0, 1])
