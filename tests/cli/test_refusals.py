@@ -237,7 +237,9 @@ REFUSALS = [
     ("calibrate intrinsics --patience 0", "zeromethod: --patience: 0: a number above 0\n"),
     ("calibrate weight --rig small.toml", "Missing option '--grams'"),
     ("calibrate weight --grams 20", "Missing option '--rig'"),
-    ("calibrate weight --rig small.toml --grams 0", "--grams: 0: a number above 0\n"),
+    ("calibrate weight --rig small.toml --grams 0", "--grams: 0: a number above 0, at"),
+    ("calibrate weight --rig small.toml --grams 1e9", "--grams: 1e9: a number above 0, at most 10000\n"),
+    ("calibrate weight --rig locked.toml --grams 20", "--rig: locked.toml: cannot be written: File name too"),
     ("calibrate weight --rig small.toml --grams 20 --grams-sigma 12", "--grams-sigma: 12: below half of"),
     ("calibrate weight --rig nowhere.toml --grams 20", "nowhere.toml"),
     ("calibrate weight --rig simulated --grams 20", "--rig: simulated: a rig file of your own"),
@@ -311,6 +313,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     recorded(folder / "run.h5", 0.4, rig=rig)
     recorded(folder / "bare.h5", 0.1, rig=rig, keep=("residual",))
     small = small_rig_file(folder / "small.toml", BENCH_160)
+    # longer by the name of its part, none can be written, whoever runs the tests
+    (folder / "locked.toml").symlink_to(shutil.copy(small, folder / f"{'long' * 60}.toml"))
     save_values(small, {"display.centre_mm": [900.0, 0.0]}, folder / "off.toml")
     save_values(small, {"camera.driver": "opencv", "camera.source": 0}, folder / "opencv.toml")
     text = small.read_text()
@@ -329,7 +333,8 @@ def state_of(folder: Path) -> dict[Path, int]:
 @pytest.mark.parametrize(("line", "words"), REFUSALS, ids=[line for line, _ in REFUSALS])
 def test_bad_input_is_refused_in_one_line(line, words, folder, monkeypatch):
     monkeypatch.setattr("zeromethod.drivers.monitors.monitors", lambda: MONITORS)
-    monkeypatch.delattr("zeromethod.cli.calibrate_bench.opened_devices")  # nothing may come as far as that
+    for command in ("calibrate_bench", "calibrate_weight"):  # nothing may come as far as that
+        monkeypatch.delattr(f"zeromethod.cli.{command}.opened_devices")
     monkeypatch.chdir(folder)
     before = state_of(folder)
     if line.startswith("benchmarks."):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from types import SimpleNamespace
 
 import numpy as np
@@ -19,13 +20,14 @@ PROVISIONAL_N = 1e-3 * GRAMS * GRAVITY_M_S2 / E_MPA
 NOISE_N = 1e-4
 
 
-def steps(*forces_n: float, state: State = State.LOCKED, touching: bool = True):
-    """60 per second; NaN: nothing touches."""
+def steps(*forces_n: float, state: State = State.LOCKED, unread_from: float = np.inf, truth=None):
+    """60 per second; NaN: nothing touches, but from frame `unread_from` on."""
     draw = np.random.default_rng(0)
     for number, force in enumerate(forces_n):
         yield SimpleNamespace(
-            time_s=number / 60, state=state, surface=object(), sigma_total_force_n=0.004 * force,
-            touching=(1,) if touching and force > 0 else (), total_force_n=force + draw.normal(0, NOISE_N),
+            time_s=number / 60, state=state, surface=object(), sigma_total_force_n=0.004 * force, truth=truth,
+            touching=(1,) if force > 0 or number >= unread_from else (),
+            total_force_n=force + draw.normal(0, NOISE_N),
         )  # fmt: skip
 
 
@@ -37,6 +39,7 @@ def test_the_modulus_makes_the_force_the_weight():
     found = weigh(steps(*REST, *np.linspace(0, PROVISIONAL_N, 10)[1:], *HELD), GRAMS, 0.02, 60.0, said.append)
     # of 32 frames of 0.1 mN each, relative to 0.12 N
     assert found.youngs_modulus_mpa == pytest.approx(E_MPA, rel=5e-4)
+    assert np.isnan(found.true_force_n)
     # weight 0.1 %, gravity 0.15 %, force 0.4 %
     assert found.sigma_mpa == pytest.approx(E_MPA * 0.0044, rel=0.02)
     assert said == ["put the weight of 20 g on the mirror now, and let go of it"]
@@ -47,6 +50,11 @@ def test_the_modulus_makes_the_force_the_weight():
     [
         (steps(*[np.nan] * 90), "nothing was put on the mirror within 1 s"),
         (steps(*[np.nan] * 90, state=State.HOLDING), "the loop did not null the mirror at rest"),
+        (steps(*[np.nan] * 90, unread_from=40), "no force was read where it touches within 1 s"),
+        (steps(*[np.nan] * 40), "nothing was put on the mirror before the run ended"),
+        (steps(*[np.nan] * 40, state=State.HOLDING), "null the mirror at rest before the run ended"),
+        (steps(*REST, *HELD[:20]), "the force did not keep still before the run ended"),
+        (steps(*REST, *[1e4] * 60), "1.96e-05 MPa are no rubber's .* 20 g weigh 0.1962 N.* 1e[+]04 N in"),
         (steps(*HELD), "something touches the mirror already"),
         (steps(*REST, *np.linspace(0.5, 1.5, 90) * PROVISIONAL_N), "the force did not keep still"),
     ],
@@ -82,10 +90,15 @@ def plant(monkeypatch, *forces_n, interrupted=False, status=None):
     monkeypatch.setattr("zeromethod.cli.calibrate_weight.Session", Weighing)
 
 
+def test_a_simulated_bench_says_what_truly_pressed():
+    truth = SimpleNamespace(contacts=(SimpleNamespace(force_n=0.15), SimpleNamespace(force_n=0.05)))
+    assert weigh(steps(*REST, *HELD, truth=truth), GRAMS, 0.02, 60.0, str).true_force_n == pytest.approx(0.2)
+
+
 @pytest.mark.parametrize(
     ("ended", "code", "words"),
     [
-        ({"interrupted": True}, 130, ""),
+        ({"interrupted": True}, 130, "interrupted: nothing was stored\n"),
         ({"status": Status(State.FAULT, "the camera is lost")}, 1, "weight: the camera is lost"),
     ],
 )
@@ -100,7 +113,8 @@ def test_a_run_that_ends_before_writes_nothing_and_says_why(tmp_path, monkeypatc
 
 
 def test_what_is_found_is_written_into_the_rig_file(tmp_path, monkeypatch):
-    values = BENCH_160 | {"rubber.youngs_modulus_mpa": 3.0, "rubber.poisson_sigma": 0.01}
+    had = {"rubber.youngs_modulus_mpa": 3.0, "rubber.youngs_modulus_sigma_mpa": 0.03}
+    values = BENCH_160 | had | {"rubber.poisson": 0.49, "rubber.poisson_sigma": 0.01}
     file = small_rig_file(tmp_path / "my.toml", values)
 
     plant(monkeypatch, *REST, *HELD)
@@ -113,4 +127,13 @@ def test_what_is_found_is_written_into_the_rig_file(tmp_path, monkeypatch):
     assert rubber.youngs_modulus_mpa == pytest.approx(E_MPA, rel=1e-3)
     assert rubber.youngs_modulus_sigma_mpa == pytest.approx(E_MPA * 0.0044, rel=0.05)
     assert rubber.poisson_sigma == 0.0
-    assert '"contacts": 1' in (tmp_path / "w.json").read_text()
+    figures = json.loads((tmp_path / "w.json").read_text())
+    assert (figures["contacts"], figures["truth"]) == (1, None)
+    # what was open of E / (1 - nu^2): 1 % of E, and 2 nu 0.01 / (1 - nu^2) of Poisson's ratio
+    sigma = 3.0 * np.hypot(0.01, 0.98 * 0.01 / (1 - 0.49**2))
+    off = (E_MPA - 3.0) / np.hypot(sigma, E_MPA * 0.0044)
+    assert figures["before"] == pytest.approx(
+        {"youngs_modulus_mpa": 3.0, "sigma_mpa": sigma, "off_sigmas": off}, rel=2e-3
+    )
+    assert f"was 3 ± 0.049 MPa: now -1.4 MPa, {-off:.1f} of both sigmas" in outcome.out
+    assert outcome.err.count("! not the rubber that the rig file had") == 1

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from contextlib import closing
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -21,20 +23,22 @@ from zeromethod.cli.device_options import (
     with_given,
 )
 from zeromethod.cli.numbers import Real
-from zeromethod.cli.output import summary_option, write_summary
+from zeromethod.cli.output import check_file, summary_option, write_summary
 from zeromethod.cli.stopping import stopped_by_signals
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.loop.state import State
 from zeromethod.optics import check_geometry
-from zeromethod.rig.model import SIMULATED
+from zeromethod.rig.model import SIMULATED, Rig
 from zeromethod.rig.save import save_values
 from zeromethod.session.session import Session
 from zeromethod.session.trust import is_known
-from zeromethod.session.weighing import Weighed, check_weight, for_weighing, weigh
+from zeromethod.session.weighing import MOST_GRAMS, Before, Weighed, check_weight, for_weighing, weigh
 from zeromethod.thread_limits import limit_threads
 
 _SIMULATED = "weight"
 """What presses a simulated bench unless a scenario is given."""
+_MOST_SIGMAS = 3.0
+"""Change of a stored modulus, of both sigmas, above which chance does not explain it."""
 
 
 @click.command(
@@ -43,7 +47,10 @@ _SIMULATED = "weight"
 @click.option("--rig", "rig_name", required=True, help="Your rig file: it takes the modulus.")
 @bench_options
 @click.option(
-    "--grams", type=Real(min=0, min_open=True), required=True, help="All that will rest on the mirror, g."
+    "--grams",
+    type=Real(0, MOST_GRAMS, min_open=True),
+    required=True,
+    help="All that will rest on the mirror, g.",
 )
 @click.option(
     "--grams-sigma",
@@ -81,10 +88,7 @@ def weight_command(
     is found is written into the rig file, as youngs_modulus_mpa of [rubber].
     """  # fmt: skip
     check_weight(grams, sigma_grams)
-    path = Path(rig_name)
-    if not path.is_file():
-        given_rig(rig_name)  # says so where there is no such rig
-        raise InputError(f"--rig: {rig_name}: a rig file of your own, which takes the modulus")
+    path = _own_file(rig_name)
     rig = with_devices(given_rig(rig_name), BenchOptions(**devices))
     if scenario is None and rig.camera.driver == SIMULATED:
         scenario = _SIMULATED
@@ -92,6 +96,35 @@ def weight_command(
     check_geometry(rig)
     say_simulated(rig)
     limit_threads()
+    try:
+        found = _weigh(rig, rig_name, (grams, sigma_grams, patience_s))
+    except KeyboardInterrupt:
+        click.echo("interrupted: nothing was stored", err=True)
+        raise
+    before = Before.of(rig.rubber, found)
+    for line in _words(found, before):
+        click.echo(line)
+    if before is not None and abs(before.off_sigmas) > _MOST_SIGMAS:
+        click.echo("! not the rubber that the rig file had: are --grams and its [rubber] right?", err=True)
+    try:
+        save_values(path, found.rig_values)
+        click.echo(f"stored as rubber.youngs_modulus_mpa, rubber.youngs_modulus_sigma_mpa in {path}")
+    finally:
+        write_summary(summary, _figures(found, before))
+
+
+def _own_file(rig_name: str) -> Path:
+    """The rig file, which can be written."""
+    path = Path(rig_name)
+    if not path.is_file():
+        given_rig(rig_name)  # says so where there is no such rig
+        raise InputError(f"--rig: {rig_name}: a rig file of your own, which takes the modulus")
+    check_file("--rig", path, path.suffix.lower())
+    return path
+
+
+def _weigh(rig: Rig, rig_name: str, weighing: tuple[float, float, float]) -> Weighed:
+    """Open the bench and weigh; grams, their sigma and patience as for `weigh`."""
     with stopped_by_signals(), opened_devices(rig) as opened:
         stored = calibration_of(rig_name)
         if stored is not None:
@@ -102,36 +135,39 @@ def weight_command(
             )
         with Session(for_weighing(rig), devices=opened) as session, closing(session.run()) as steps:
             try:
-                found = weigh(
-                    steps, grams, sigma_grams, patience_s, lambda words: click.echo(words, err=True)
-                )
+                return weigh(steps, *weighing, lambda words: click.echo(words, err=True))
             except MeasurementError:
                 if session.result.interrupted:
                     raise KeyboardInterrupt from None
                 if (status := session.loop.status).state is State.FAULT:
                     raise MeasurementError(f"weight: {status.reason}") from None
                 raise
-    save_values(path, found.rig_values)
-    for line in _words(found, path):
-        click.echo(line)
-    write_summary(summary, _figures(found))
 
 
-def _words(found: Weighed, path: Path) -> list[str]:
+def _words(found: Weighed, before: Before | None) -> list[str]:
     causes = ", ".join(f"{name} {share:.2%}" for name, share in found.sigma_share.items())
     where = "1 contact" if found.contacts == 1 else f"{found.contacts} contacts"
-    return [
+    true = "" if math.isnan(found.true_force_n) else f"; truly {found.true_force_n:.4g} N"
+    lines = [
         f"Young's modulus {found.youngs_modulus_mpa:.4g} MPa, sigma {found.sigma_mpa:.2g} MPa ({causes})",
-        f"  by {found.weight_n:.4g} N on {where}",
-        f"stored as rubber.youngs_modulus_mpa, rubber.youngs_modulus_sigma_mpa in {path}",
+        f"  by {found.weight_n:.4g} N on {where}{true}",
     ]
+    if before is not None:
+        change = found.youngs_modulus_mpa - before.youngs_modulus_mpa
+        lines.append(
+            f"  was {before.youngs_modulus_mpa:.4g} ± {before.sigma_mpa:.2g} MPa: now {change:+.2g} MPa, "
+            f"{abs(before.off_sigmas):.1f} of both sigmas"
+        )
+    return lines
 
 
-def _figures(found: Weighed) -> dict[str, Any]:
+def _figures(found: Weighed, before: Before | None) -> dict[str, Any]:
     return {
         "youngs_modulus_mpa": found.youngs_modulus_mpa,
         "sigma_mpa": found.sigma_mpa,
         "weight_n": found.weight_n,
         "contacts": found.contacts,
         "sigma_share": found.sigma_share,
+        "before": None if before is None else asdict(before),
+        "truth": None if math.isnan(found.true_force_n) else {"force_n": found.true_force_n},
     }

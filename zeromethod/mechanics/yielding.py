@@ -11,7 +11,7 @@ from zeromethod.arrays import Float
 from zeromethod.mechanics.body import BodyKernel, body_of
 from zeromethod.mechanics.layer import layer_slopes
 from zeromethod.optics.prism import PrismGeometry
-from zeromethod.rig.model import Rig
+from zeromethod.rig.model import Rig, Rubber
 
 NO_MODULUS = "the rig file has no rubber.youngs_modulus_mpa"
 """Why no force is read."""
@@ -39,6 +39,15 @@ class Layer:
         return np.asarray(away * (self.slope_outwards(distance) / distance)[:, None])
 
 
+def relative_sigma(rubber: Rubber) -> float:
+    """Of E / (1 - nu^2), and so of forces: what is open of modulus and Poisson's ratio; NaN: no modulus."""
+    nu = rubber.poisson
+    return math.hypot(
+        rubber.youngs_modulus_sigma_mpa / (rubber.youngs_modulus_mpa or math.nan),
+        2 * nu * rubber.poisson_sigma / (1 - nu**2),
+    )
+
+
 @dataclass(frozen=True)
 class Yielding:
     """How stiff the rubber is, with its standard deviation, and what its body adds to a half-space.
@@ -60,11 +69,7 @@ class Yielding:
         rubber = rig.rubber
         if rubber.youngs_modulus_mpa is None:
             return None
-        nu = rubber.poisson
-        relative = math.hypot(
-            rubber.youngs_modulus_sigma_mpa / rubber.youngs_modulus_mpa,
-            2 * nu * rubber.poisson_sigma / (1 - nu**2),
-        )
+        nu, relative = rubber.poisson, relative_sigma(rubber)
         modulus = rubber.youngs_modulus_mpa / (1 - nu**2)
         if "support" not in rubber.model_fields_set:
             # of a half-space, off by as much as one that is bonded as deep as this prism is

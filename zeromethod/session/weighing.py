@@ -13,8 +13,13 @@ import numpy as np
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.loop.state import NULLED, State
 from zeromethod.loop.step import Step
-from zeromethod.rig.model import Rig
+from zeromethod.mechanics.yielding import relative_sigma
+from zeromethod.rig.model import Rig, Rubber
 
+MOST_GRAMS = 10_000.0
+"""A ball of 20 mm radius under it dents the stiffest rubber by 0.25 mm: no bench needs more."""
+RUBBER_MPA = (0.001, 100.0)
+"""Young's moduli of rubber, from the softest silicone gels to hard rubber; others are a slip."""
 GRAVITY_M_S2 = 9.81
 """From equator to poles, and up to 2 km high, it is this within 0.3 %."""
 _GRAVITY_SIGMA = 0.0015
@@ -23,12 +28,16 @@ _FRAMES = 32
 _STILL = 0.003
 """Change of the force between the halves of these frames up to which it keeps still; rubber creeps."""
 
+_Frame = tuple[float, float, int, float]
+"""Force, its sigma, contacts, true force."""
+
 
 @dataclass(frozen=True)
 class Weighed:
     """Young's modulus, for the Poisson's ratio of the rig file, and its standard deviation, MPa.
 
-    weight_n: what rested there. sigma_share: of the modulus, relative, by each of its causes.
+    weight_n: what rested there. sigma_share: of the modulus, relative, by each of its causes. true_force_n:
+    what pressed a simulated mirror; NaN elsewhere.
     """
 
     youngs_modulus_mpa: float
@@ -36,6 +45,7 @@ class Weighed:
     weight_n: float
     contacts: int
     sigma_share: dict[str, float]
+    true_force_n: float = math.nan
 
     @property
     def rig_values(self) -> dict[str, Any]:
@@ -45,6 +55,26 @@ class Weighed:
             "rubber.youngs_modulus_sigma_mpa": float(f"{self.sigma_mpa:.2g}"),
             "rubber.poisson_sigma": None,
         }
+
+
+@dataclass(frozen=True)
+class Before:
+    """The modulus that a rig file had, and its sigma with what was open of Poisson's ratio, MPa.
+
+    off_sigmas: what is found less that, over both sigmas.
+    """
+
+    youngs_modulus_mpa: float
+    sigma_mpa: float
+    off_sigmas: float
+
+    @classmethod
+    def of(cls, rubber: Rubber, found: Weighed) -> Before | None:
+        """That of a rig's rubber; None where it had none."""
+        if (had := rubber.youngs_modulus_mpa) is None:
+            return None
+        sigma = had * relative_sigma(rubber)
+        return cls(had, sigma, (found.youngs_modulus_mpa - had) / math.hypot(sigma, found.sigma_mpa))
 
 
 def for_weighing(rig: Rig) -> Rig:
@@ -77,11 +107,10 @@ def weigh(
     Raises
     ------
     MeasurementError
-        The mirror was not nulled at rest, nothing was put on it, the force did not keep still, or the run
-        ended.
+        The mirror was not nulled at rest, nothing was put on it, no force was read or it did not keep
+        still within `patience_s` or before the run ended; or the modulus is no rubber's.
     """
-    weight_n = 1e-3 * grams * GRAVITY_M_S2
-    row: deque[tuple[float, float, int]] = deque(maxlen=_FRAMES)
+    row: deque[_Frame] = deque(maxlen=_FRAMES)
     asked, since_s, missing = False, math.nan, "the loop did not null the mirror at rest"
     for step in steps:
         since_s = step.time_s if math.isnan(since_s) else since_s
@@ -91,7 +120,7 @@ def weigh(
         if step.state not in NULLED and not (asked and step.state is State.NULLING):
             row.clear()
         elif not asked:
-            row.append((0.0, 0.0, 0))
+            row.append((0.0, 0.0, 0, 0.0))
             if step.touching:
                 raise MeasurementError("weight: something touches the mirror already: take it off")
             if len(row) == _FRAMES // 2:
@@ -100,13 +129,16 @@ def weigh(
                 say(f"put the weight of {grams:g} g on the mirror now, and let go of it")
         elif step.surface is not None and math.isfinite(step.total_force_n) and step.total_force_n > 0:
             missing = "the force did not keep still"
-            row.append((step.total_force_n, step.sigma_total_force_n, len(step.touching)))
+            true_n = sum(one.force_n for one in step.truth.contacts) if step.truth is not None else math.nan
+            row.append((step.total_force_n, step.sigma_total_force_n, len(step.touching), true_n))
             if len(row) == _FRAMES and _still(row):
-                return _weighed(row, weight_n, sigma_grams / grams)
-    raise MeasurementError("weight: the run ended before its force was taken")
+                return _weighed(row, grams, sigma_grams / grams)
+        elif step.touching and not row:
+            missing = "no force was read where it touches"
+    raise MeasurementError(f"weight: {missing} before the run ended")
 
 
-def _still(row: Iterable[tuple[float, float, int]]) -> bool:
+def _still(row: Iterable[_Frame]) -> bool:
     force = np.array([one[0] for one in row])
     early, late = force[: _FRAMES // 2], force[_FRAMES // 2 :]
     # of the difference of two means, by what frame differs from frame, whatever comes slowly
@@ -114,9 +146,16 @@ def _still(row: Iterable[tuple[float, float, int]]) -> bool:
     return bool(abs(late.mean() - early.mean()) < max(_STILL * force.mean(), 3 * noise))
 
 
-def _weighed(row: Iterable[tuple[float, float, int]], weight_n: float, weight_share: float) -> Weighed:
-    force, sigma = (np.array([one[k] for one in row]) for k in (0, 1))
+def _weighed(row: Iterable[_Frame], grams: float, weight_share: float) -> Weighed:
+    force, sigma, contacts, truth = (np.array(one) for one in zip(*row, strict=True))
+    weight_n = 1e-3 * grams * GRAVITY_M_S2
     modulus = weight_n / float(force.mean())
+    least, most = RUBBER_MPA
+    if not least <= modulus <= most:
+        raise MeasurementError(
+            f"weight: {modulus:.3g} MPa are no rubber's ({least:g} to {most:g} MPa): {grams:g} g weigh "
+            f"{weight_n:.4g} N, what was read are {force.mean():.3g} N in rubber of 1 MPa: is --grams right?"
+        )
     share = {
         "weight": weight_share,
         "gravity": _GRAVITY_SIGMA,
@@ -124,7 +163,12 @@ def _weighed(row: Iterable[tuple[float, float, int]], weight_n: float, weight_sh
         "force": float(np.mean(sigma) / force.mean()),
     }
     return Weighed(
-        modulus, modulus * math.hypot(*share.values()), weight_n, max(one[2] for one in row), share
+        modulus,
+        modulus * math.hypot(*share.values()),
+        weight_n,
+        int(contacts.max()),
+        share,
+        float(truth[-1]),
     )
 
 
