@@ -30,7 +30,7 @@ _ROUND, _LAW = 0.4, 0.5
 _WRONG2, _WRONG2_OF_TWO, _LEAST_WRONG2, _MOST_WRONG2 = 1e-3, 0.03, 1e-6, 0.25
 """Square of a law's relative error: to begin with, by one dent and by two; least and largest."""
 
-_DOUBTED2 = 0.04
+_DOUBTED2 = 0.01
 """Square of a law's error from which it says little: depth may be off by more than slopes are."""
 
 _BODY = 0.01
@@ -47,6 +47,9 @@ _HOPELESS = 1.0
 
 _SETTLED = 1e-3
 """Gain of a step, in squared sigmas, by which a fit has settled."""
+
+_FOLLOWED, _SAME_WRONG2 = 10, 0.02
+"""Most steps by which a law's error follows numbers that are found, and change of its logarithm then."""
 
 UNLIKELY, CONSTANT, VARIANCE, WRONG, NOISE, COUNT, SPREAD, EXCESS = range(8)
 """Columns of a member: -log of likelihood for each slope, C, its variance, the law's error, the share of
@@ -180,8 +183,10 @@ def fit(
         better = _wrong2(found, wrong2)
         if solved and step @ found.right < _SETTLED and abs(np.log(better / wrong2)) < 0.3:
             break
-        if k == SHORT and _unlikely(found, known) > best + _HOPELESS:
-            break
+        if k == SHORT:
+            found, own, wrong2 = _settled(numbers, laws, wrong2, own, found, strength, nodes, quiet, known)
+            if _unlikely(found, known) > best + _HOPELESS:
+                break
         new = numbers + step
         _bound(new, laws, known.body.most_law)
         if solved and _allowed(new, limits):
@@ -194,7 +199,34 @@ def fit(
         damping = max(10.0 * damping, 1e-2)
         if damping > 1e6:
             break
+    found, own, wrong2 = _settled(numbers, laws, wrong2, own, found, strength, nodes, quiet, known)
     _judge(numbers, laws, wrong2, found, nodes, quiet, known, out)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _settled(
+    numbers: Float,
+    laws: int,
+    wrong2: float,
+    own: float,
+    found: Equations,
+    strength: float,
+    nodes: Nodes,
+    quiet: Nodes,
+    known: Known,
+) -> tuple[Equations, float, float]:
+    """Equations, squares of what is expected, and the law's error that explains best what numbers leave.
+
+    Else a fit that ends before its law's error has followed counts as too unlikely by far.
+    """
+    for _ in range(_FOLLOWED):
+        better = _wrong2(found, wrong2)
+        if abs(np.log(better / wrong2)) < _SAME_WRONG2:
+            break
+        wrong2 = better
+        found = equations(numbers, laws, nodes, quiet, known, wrong2, found.variance)
+        own = _expect(numbers, strength, laws, known.body.most_law, found)
+    return found, own, wrong2
 
 
 @numba.njit(cache=True, error_model="numpy")
