@@ -202,7 +202,7 @@ def draw_outlines(axis: Axes, contacts: Sequence[Contact]) -> None:
         right = contact.x_mm < middle
         edge_mm = contact.outline_mm[:, 0].max() if right else contact.outline_mm[:, 0].min()
         axis.annotate(
-            f"{contact.id}{force}", (edge_mm, contact.y_mm), (4 if right else -4, 0),
+            f"{contact.id}{force}", (edge_mm, contact.y_mm), (8 if right else -8, 0),
             textcoords="offset points", ha="left" if right else "right", va="center",
         )  # fmt: skip
 
@@ -231,9 +231,9 @@ def _draw_pressure(axis: Axes, result: RunResult, nulled: Step) -> None:
     look = colours(np.array([high]), 100, signed=found.sticks)
     mesh = axis.tripcolor(found.x_mm, found.y_mm, kpa, shading="gouraud", **look)
     axis.set_aspect("equal")
-    title = f"pressure, contact {contact.id}{': it sticks, pulled at its border' if found.sticks else ''}"
+    title = f"pressure, contact {contact.id}{', which sticks' if found.sticks else ''}"
     force = f"{contact.force_n:.4f} ± {contact.sigma_force_n:.4f} N"
-    title += f"\nmaximum {high:.1f} ± {1e3 * found.sigma_mpa[most]:.1f} kPa, {force}"
+    title += f"\nmaximum {high:.1f} ± {1e3 * found.sigma_mpa[most]:.1f} kPa\n{force}"
     labelled(axis, title, "x, mm", "y, mm")
     colour_bar(axis, mesh, "kPa")
 
