@@ -8,6 +8,7 @@ from .commissioning.daily_check.findings import DailyCheck
 from .commissioning.decode import decode
 from .commissioning.delay import DelayResult, measure_delay
 from .commissioning.setting_up import SettingUp
+from .contact.pressure import PressureMap, pressure_map
 from .decoding.measuring import RestMeasurement
 from .design.assess import assess_rig
 from .devices.opening import Devices, open_devices
@@ -61,6 +62,7 @@ __all__ = [
     "NodeGrid",
     "Optics",
     "Peak",
+    "PressureMap",
     "Recording",
     "Reproduction",
     "RestMeasurement",
@@ -95,6 +97,7 @@ __all__ = [
     "peak",
     "plot",
     "plot_run",
+    "pressure_map",
     "replay",
     "report",
     "reproduce",

@@ -63,6 +63,7 @@ REFUSALS = [
     ("check --rig calibrations/my/a", "a folder: give the file in it: calibrations/my/a/rig.toml"),
     ("run --scenario nothing", "--scenario: nothing: a press file (.toml), or one of ball, bars, cone"),
     ("virtual-bench --scenario nothing", "--scenario: nothing: a press file (.toml), or one of ball"),
+    ("run --rig jelly.toml", 'rubber.support: "jelly": one of "bonded", "sliding", "free", or a table of'),
     ("run --gain 2", "--gain: 2: a number above 0, at most 1"),
     ("run --frames 0", "--frames: 0: a whole number from 1"),
     ("run --frames 3 --seconds 1", "--frames and --seconds: give one of them, not both"),
@@ -316,6 +317,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "locked.toml").symlink_to(shutil.copy(small, folder / f"{'long' * 60}.toml"))
     save_values(small, {"display.centre_mm": [900.0, 0.0]}, folder / "off.toml")
     save_values(small, {"camera.driver": "opencv", "camera.source": 0}, folder / "opencv.toml")
+    text = small.read_text()
+    (folder / "jelly.toml").write_text(text.replace('support = "free"', 'support = "jelly"'))
     grey = np.random.default_rng(0).integers(0, 256, (120, 140), dtype=np.uint8)
     for name, image in (("rest", grey), ("small", grey[:60, :60])):
         cv2.imwrite(str(folder / f"{name}.png"), image)

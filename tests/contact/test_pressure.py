@@ -38,6 +38,7 @@ def test_a_balls_pressure_has_its_maximum_and_its_sum():
     assert found.force_n == pytest.approx(force_n, rel=0.01)
     largest = 1.5 * force_n / (np.pi * RADIUS_MM**2)
     assert found.pressure_mpa.max() == pytest.approx(largest, rel=0.05)
+    assert not found.sticks
     rho = np.hypot(found.x_mm - 2.0, found.y_mm + 1.0) / RADIUS_MM
     hertz = largest * np.sqrt(np.maximum(1 - rho**2, 0.0))
     assert np.mean(np.abs(found.pressure_mpa - hertz) > 2 * found.sigma_mpa) < 0.05
@@ -53,6 +54,49 @@ def test_where_a_punch_and_a_cone_press_most_is_seen_from_outside(name, middle, 
     assert middle[0] <= rings[1] <= middle[1]
     assert border[0] <= rings[-2] <= border[1]
     assert (found.pressure_mpa > -1e-9).all()
+    assert not found.sticks
+
+
+def jkr(force_n: float, pull: float) -> tuple[PressureMap, np.ndarray, np.ndarray]:
+    """The map of a ball's pressure with a flat punch's of some part of the force off; the true one; where.
+
+    Within 0.92 of the radius: at the border it is infinite, and a percent of the radius is open.
+    """
+    pushes, pulls = (
+        outwards(dent, depth_per * part * force_n / (E_STAR * RADIUS_MM))
+        for (dent, depth_per), part in ((DENTS["ball"], 1 + pull), (DENTS["punch"], pull))
+    )
+    pressed = surface(lambda r: pushes(r) - pulls(r), (2.0, -1.0))
+    found = pressure_map(rig(), pressed, [round_contact(2.0, -1.0)])
+    depth2 = 1 - (np.hypot(found.x_mm - 2.0, found.y_mm + 1.0) / RADIUS_MM) ** 2
+    within = depth2 > 0.15
+    steep = np.sqrt(np.maximum(depth2, 0.15))
+    return found, force_n / (np.pi * RADIUS_MM**2) * (1.5 * (1 + pull) * steep - 0.5 * pull / steep), within
+
+
+@pytest.mark.parametrize("force_n", [0.005, 0.1])
+def test_a_ball_that_sticks_pulls_at_its_border(force_n):
+    """Johnson, Kendall & Roberts 1971."""
+    found, true, within = jkr(force_n, pull=1.0)
+    assert found.sticks
+    assert found.force_n == pytest.approx(force_n, rel=0.03)
+    # 2.5 of the mean pressure; a tenth of the force by a punch in place of a ball changes that by 4 %
+    assert found.pressure_mpa[:40].mean() == pytest.approx(true[:40].mean(), rel=0.1)
+    assert np.mean((np.abs(found.pressure_mpa - true) > 2 * found.sigma_mpa)[within]) < 0.05
+    assert (found.pressure_mpa[~within] < 0).all()
+
+
+def test_a_pull_too_weak_to_be_sure_of_is_within_sigma():
+    found, true, within = jkr(0.03, pull=0.3)
+    assert not found.sticks
+    assert np.mean((np.abs(found.pressure_mpa - true) > 2 * found.sigma_mpa)[within]) < 0.05
+
+
+def test_a_border_that_is_too_wide_makes_no_contact_stick():
+    for name in ("ball", "cone"):
+        dent, depth_per = DENTS[name]
+        pressed = surface(outwards(dent, 0.1 * depth_per / (E_STAR * RADIUS_MM)), (2.0, -1.0))
+        assert not pressure_map(rig(), pressed, [round_contact(2.0, -1.0, 1.03 * RADIUS_MM)]).sticks
 
 
 def test_what_is_open_of_the_body_is_not_taken_for_pressure():
@@ -73,3 +117,19 @@ def test_there_is_no_map_of_a_pull_or_without_a_modulus():
         pressure_map(rig(), pulled, [round_contact()])
     with pytest.raises(InputError, match=r"rubber\.youngs_modulus_mpa"):
         pressure_map(load_rig("simulated").replace({"rubber": {}}), pulled, [round_contact()])
+
+
+def test_what_is_no_rig_surface_or_contact_is_refused_by_name():
+    pressed, one = surface(outwards(ball, DEPTH_MM), (0.0, 0.0)), round_contact()
+    row = np.zeros(1, [("x_mm", "f8"), ("outline_mm", "f4", (4, 2))])
+    for given, words in (
+        (("nowhere.toml", pressed, [one]), "nowhere.toml"),
+        ((rig(), None, [one]), "surface: NoneType"),
+        ((rig(), pressed, []), "contacts: nothing touches"),
+        ((rig(), pressed, None), "contacts: a step's"),
+        ((rig(), pressed, row), "contacts: a step's"),
+        ((rig(), pressed, [one], 1), "number: 1: from 0 to 0"),
+        ((rig(), pressed, [one], -1), "number: -1: from 0 to 0"),
+    ):
+        with pytest.raises(InputError, match=words):
+            pressure_map(*given)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -50,11 +51,14 @@ def test_the_title_compares_the_peak_with_the_deepest_true_point() -> None:
 def test_the_pressure_on_the_largest_contact_is_drawn_where_the_modulus_is_known() -> None:
     pressed = surface(outwards(ball, 0.02), (0.0, 0.0))
     nulled: Any = SimpleNamespace(surface=pressed, contacts=(round_contact(),))
-    for rubber, panels in (({}, 2), ({"youngs_modulus_mpa": None}, 1)):
+    titled, said = "maximum [0-9.]+ ± [0-9.]+ kPa", r"rubber\.youngs_modulus_mpa"
+    for rubber, panels, words in (({}, 2, titled), ({"youngs_modulus_mpa": None}, 1, said)):
         figure = Figure()
         # with a scale of its own beside it
         _draw_pressure(figure.subplots(), SimpleNamespace(rig=rig(**rubber)), nulled)  # type: ignore[arg-type]
         assert len(figure.axes) == panels
+        axis = figure.axes[0]
+        assert re.search(words, " ".join([axis.get_title(), *(text.get_text() for text in axis.texts)]))
 
 
 def test_a_peak_that_is_right_to_all_digits_is_not_minus_nothing() -> None:

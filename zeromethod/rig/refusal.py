@@ -71,6 +71,23 @@ def _split(annotation: Any) -> tuple[Any, list[Any]]:
             return annotation, bounds
 
 
+def _alternatives(annotation: Any) -> list[Any]:
+    """What a value may be, `None` taken off; more than one where a table may stand in a value's place."""
+    while hasattr(annotation, "__metadata__"):
+        annotation = annotation.__origin__
+    if get_origin(annotation) not in (Union, UnionType):
+        return [annotation]
+    return [one for one in get_args(annotation) if one is not NoneType]
+
+
+def _table(annotation: Any) -> type[BaseModel] | None:
+    """The table among the alternatives."""
+    tables = [
+        one for one in _alternatives(annotation) if isinstance(one, type) and issubclass(one, BaseModel)
+    ]
+    return tables[0] if tables else None
+
+
 def _limits(bounds: list[Any]) -> str:
     """Bounds in words, e.g. " above 0 and at most 1"."""
     words = []
@@ -85,6 +102,9 @@ def _limits(bounds: list[Any]) -> str:
 
 def allowed(annotation: Any, more: list[Any] | None = None) -> str:
     """What a field of this annotation takes, e.g. "a number above 0"."""
+    first, *others = _alternatives(annotation)
+    if others and (table := _table(annotation)):
+        return f"{allowed(first, more)}, or a table of {', '.join(table.model_fields)}"
     kind, bounds = _split(annotation)
     limits = _limits(bounds + (more or []))
     if get_origin(kind) is Literal:
@@ -107,12 +127,12 @@ def _field(model: type[BaseModel], place: tuple[int | str, ...]) -> tuple[Any, l
     annotation: Any = model
     bounds: list[Any] = []
     for step in place:
-        kind, _ = _split(annotation)
+        table = _table(annotation)
         if isinstance(step, int):
-            items = get_args(kind)
+            items = get_args(_split(annotation)[0])
             annotation, bounds = items[0] if items[-1] is Ellipsis else items[min(step, len(items) - 1)], []
-        elif isinstance(kind, type) and issubclass(kind, BaseModel) and step in kind.model_fields:
-            annotation, bounds = kind.model_fields[step].annotation, kind.model_fields[step].metadata
+        elif table is not None and step in table.model_fields:
+            annotation, bounds = table.model_fields[step].annotation, table.model_fields[step].metadata
         else:
             break
     return annotation, bounds
@@ -134,10 +154,30 @@ def unknown_key(place: tuple[int | str, ...], known: list[str]) -> str:
     return f"{key}: unknown key: {hint}"
 
 
+def _fields(model: type[BaseModel], place: tuple[int | str, ...]) -> list[str]:
+    """Keys of the table at a place."""
+    table = _table(_field(model, place)[0])
+    return [] if table is None else list(table.model_fields)
+
+
+def _untagged(model: type[BaseModel], detail: ErrorDetails) -> ErrorDetails | None:
+    """The same without the step that names an alternative; None for an alternative that was not meant."""
+    place = detail["loc"]
+    for k in range(1, len(place)):
+        if len(_alternatives(_field(model, place[:k])[0])) > 1:
+            ends = k == len(place) - 1
+            # what is a table is meant as one
+            wrong = detail["type"] == "model_type" or isinstance(detail["input"], Mapping)
+            if ends and wrong and detail["type"] != "rig":
+                return None
+            return {**detail, "loc": place[:k] + place[k + 1 :]}
+    return detail
+
+
 def _complaint(model: type[BaseModel], detail: ErrorDetails) -> str:
     place = detail["loc"]
     if detail["type"] == "extra_forbidden":
-        return unknown_key(place, list(_split(_field(model, place[:-1])[0])[0].model_fields))
+        return unknown_key(place, _fields(model, place[:-1]))
     if detail["type"] == "rig":
         rule = detail["ctx"]
         place = (*place, rule["key"])
@@ -149,6 +189,7 @@ def _complaint(model: type[BaseModel], detail: ErrorDetails) -> str:
 
 def first_refusal(error: ValidationError, model: type[BaseModel]) -> str:
     """First complaint as "key: value: what is allowed"; a misspelt key goes before the key it left out."""
-    details = error.errors(include_url=False)
+    given = [_untagged(model, detail) for detail in error.errors(include_url=False)]
+    details = [detail for detail in given if detail is not None]
     unknown = [detail for detail in details if detail["type"] == "extra_forbidden"]
     return _complaint(model, (unknown or details)[0])

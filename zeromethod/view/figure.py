@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -193,11 +194,17 @@ def _draw_pixels(axes: Sequence[Axes], fine: FineSurface, result: RunResult) -> 
 
 def draw_outlines(axis: Axes, contacts: Sequence[Contact]) -> None:
     """Draw the borders of contacts over a map, each with its id."""
+    middle = sum(axis.get_xlim()) / 2
     for contact in contacts:
         axis.plot(*closed(contact.outline_mm).T, "k-", linewidth=0.8)
         force = f": {contact.force_n:.3f} N" if np.isfinite(contact.force_n) else ""
-        above = contact.x_mm, contact.y_mm + contact.major_mm / 2
-        axis.annotate(f"{contact.id}{force}", above, ha="center", va="bottom")
+        # beside it, where there is more room
+        right = contact.x_mm < middle
+        edge_mm = contact.outline_mm[:, 0].max() if right else contact.outline_mm[:, 0].min()
+        axis.annotate(
+            f"{contact.id}{force}", (edge_mm, contact.y_mm), (8 if right else -8, 0),
+            textcoords="offset points", ha="left" if right else "right", va="center",
+        )  # fmt: skip
 
 
 def _draw_images(axes: Sequence[Axes], contacts: Sequence[Contact]) -> None:
@@ -210,16 +217,24 @@ def _draw_images(axes: Sequence[Axes], contacts: Sequence[Contact]) -> None:
 
 
 def _draw_pressure(axis: Axes, result: RunResult, nulled: Step) -> None:
-    """How the pressure is spread over the largest contact, where it is known how stiff the rubber is."""
+    """How the pressure is spread over the largest contact, or why that is not known."""
     assert nulled.surface is not None
+    contact = nulled.contacts[0]
     try:
         found = pressure_map(result.rig, nulled.surface, nulled.contacts)
-    except InputError:
+    except InputError as error:
+        _say(axis, textwrap.fill(str(error), 40))
         return
     axis.set_axis_on()
-    mesh = axis.tripcolor(found.x_mm, found.y_mm, 1e3 * found.pressure_mpa, shading="gouraud", vmin=0)
+    most = int(np.argmax(found.pressure_mpa))
+    kpa, high = 1e3 * found.pressure_mpa, 1e3 * found.pressure_mpa[most]
+    look = colours(np.array([high]), 100, signed=found.sticks)
+    mesh = axis.tripcolor(found.x_mm, found.y_mm, kpa, shading="gouraud", **look)
     axis.set_aspect("equal")
-    labelled(axis, f"pressure, contact {nulled.contacts[0].id}", "x, mm", "y, mm")
+    title = f"pressure, contact {contact.id}{', which sticks' if found.sticks else ''}"
+    force = f"{contact.force_n:.4f} ± {contact.sigma_force_n:.4f} N"
+    title += f"\nmaximum {high:.1f} ± {1e3 * found.sigma_mpa[most]:.1f} kPa\n{force}"
+    labelled(axis, title, "x, mm", "y, mm")
     colour_bar(axis, mesh, "kPa")
 
 
