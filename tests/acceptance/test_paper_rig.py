@@ -56,7 +56,7 @@ def test_a_press_elsewhere_is_read_as_well(tmp_path):
     # its rim is too fine for an LCD of half the resolution
     whole = load_rig("paper").model_copy(update={"scenario": str(scenario(tmp_path, path))})
     # nodes of the rim that fail for some frames after it came down keep the loop from being locked
-    result = run(whole, frames=40)
+    result = run(whole, frames=42)
     assert result.records[-1].state is State.LOCKED
     assert worst_percent(result, {State.LOCKED}) < 0.3
 

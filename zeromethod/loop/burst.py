@@ -244,6 +244,8 @@ class Burst:
         wanted = np.count_nonzero(need) >= LEAST_NODES if again else unread
         # what failed for some frames only, as after a sudden press, is no reason to wait any more
         self.unread = int(np.count_nonzero(new & failing)) >= LEAST_NODES
+        lasting = (need if again else new) & self._failing.lasting
+        wanted = wanted and (self._always or int(np.count_nonzero(lasting)) >= LEAST_NODES)
         if not wanted or self._quiet < QUIET_FRAMES:
             return False
         self.unread = unread

@@ -19,6 +19,9 @@ from zeromethod.warp.warp import Warp
 FAILING_FRAMES, MOST_FRAMES = 2, 12
 """For how many frames a failure is remembered, and the failures of a node that fails now and then."""
 
+LASTING_FRAMES = 6
+"""The same of a node that fails in more than a third of the frames: what fails less often is read without."""
+
 DIRTY_FRAMES = 4
 """Frames in which a node failed where the mirror is flat after which it is never one to be read."""
 
@@ -60,6 +63,11 @@ class FailingNodes:
         self._flat: Bytes = np.zeros(rest.q.shape[:2], np.uint8)
         self._never: Mask = np.zeros_like(rest.visible)
         self._before: Mask = np.zeros_like(rest.visible)
+
+    @property
+    def lasting(self) -> Mask:
+        """(rows, cols) nodes that fail again and again."""
+        return np.asarray(self._left >= LASTING_FRAMES)
 
     def take_reference(self, residual: Residual) -> None:
         """Take the light at rest from a residual; nodes that fail even then, or at its edge, never count."""

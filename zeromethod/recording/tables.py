@@ -58,7 +58,9 @@ class Tables:
         if self._peaks is None:
             rows = self.rows("peaks")
             rows = rows[~np.isin(rows["step"], list(self._left_out))]
-            self._peaks = peak_table(rows, self.rows("steps")["time_ns"][:1])
+            start_ns = self.rows("steps")["time_ns"][:1]
+            # of a file that grows, the steps may have been read just before its first one
+            self._peaks = peak_table(rows if len(start_ns) else rows[:0], start_ns)
         return self._peaks
 
     def contacts(self) -> Image:
