@@ -19,7 +19,7 @@ from zeromethod.warp.warp import Warp
 FAILING_FRAMES, MOST_FRAMES = 2, 12
 """For how many frames a failure is remembered, and the failures of a node that fails now and then."""
 
-LASTING_FRAMES = 6
+LASTING_FRAMES = 4
 """The same of a node that fails in more than a third of the frames: what fails less often is read without."""
 
 DIRTY_FRAMES = 4
