@@ -45,7 +45,7 @@ from zeromethod.commissioning.calibration import evaluate
 from zeromethod.devices.opening import open_devices
 from zeromethod.devices.protocols import TrueMirror
 from zeromethod.errors import InputError
-from zeromethod.loop.frame_outcome import BURST_REASONS
+from zeromethod.loop.frame_outcome import BURST_AHEAD, BURST_WORDS
 from zeromethod.loop.state import NULLED, State
 from zeromethod.loop.step import Step
 from zeromethod.optics import DepthField, check_geometry
@@ -217,7 +217,7 @@ def judged(case: Case) -> Outcome:
                 frame, peak = step.frame_number, step.peak
                 if step.number > LAST and not waits:
                     break
-                waits = step.reason in BURST_REASONS or (waits and step.state is State.NULLING)
+                waits = step.reason in {BURST_AHEAD, BURST_WORDS} or (waits and step.state is State.NULLING)
                 if frame is None or peak is None or step.surface is None:
                     continue
                 good, named = step.state in NULLED, step.state in {State.MOVED, State.UNCALIBRATED}

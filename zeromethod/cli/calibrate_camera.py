@@ -14,6 +14,7 @@ from zeromethod.atomic_write import atomic_write
 from zeromethod.calibration.camera_file import save_camera
 from zeromethod.calibration.charuco import DEFAULT_DICTIONARY, DICTIONARIES, Board, board_of
 from zeromethod.calibration.intrinsics import LEAST_VIEWS, CameraFit, fit_camera
+from zeromethod.cli.calibrate_options import patience_option
 from zeromethod.cli.device_options import (
     REAL_CAMERAS,
     BenchOptions,
@@ -115,15 +116,7 @@ def board_command(
     show_default=True,
     help="Live: how many views to take.",
 )
-@click.option(
-    "--patience",
-    "patience_s",
-    type=Real(min=0, min_open=True),
-    default=120.0,
-    show_default=True,
-    metavar="S",
-    help="Live: longest wait for a view.",
-)
+@patience_option("Live: longest wait for a view.")
 @click.option("--output", type=OutputFile(".toml"), required=True, help=f"File (.toml). {REPLACES}")
 @summary_option
 def intrinsics_command(

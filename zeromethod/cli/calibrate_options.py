@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import click
 from click.core import ParameterSource
@@ -14,6 +16,15 @@ from zeromethod.cli.output import several, summary_option
 from zeromethod.cli.page_options import view_option
 from zeromethod.commissioning.calibration import Plan
 from zeromethod.errors import InputError
+
+
+def patience_option(waits: str, default_s: float = 120.0) -> Callable[[Any], Any]:
+    """Option `--patience S` of a command that waits for a person; waits: for what."""
+    kind = Real(min=0, min_open=True)
+    return click.option(
+        "--patience", "patience_s", type=kind, default=default_s, show_default=True, metavar="S", help=waits
+    )
+
 
 calibrate_options = several(
     click.option("--rig", "rig_name", help="Rig file (`zeromethod init` makes one), or a packaged name."),
@@ -63,10 +74,7 @@ calibrate_options = several(
         "--press-frames", type=Whole(4, 1000), default=Plan.press_frames, show_default=True,
         help="Camera frames averaged for each press.",
     ),
-    click.option(
-        "--patience", "patience_s", type=Real(min=0, min_open=True), default=Plan.patience_s,
-        show_default=True, metavar="S", help="Longest wait for a press.",
-    ),
+    patience_option("Longest wait for a press.", Plan.patience_s),
     click.option(
         "--output", type=click.Path(path_type=Path, file_okay=False),
         help="Folder for the dated folder.  [default: calibrations/<rig> next to the rig file]",

@@ -11,6 +11,7 @@ from typing import Any
 import click
 
 from zeromethod.calibration.folder import calibration_of
+from zeromethod.cli.calibrate_options import patience_option
 from zeromethod.cli.calibrated_bench import check_calibration
 from zeromethod.cli.device_options import (
     BenchOptions,
@@ -61,15 +62,7 @@ _MOST_SIGMAS = 3.0
     metavar="G",
     help="How well that is known (standard deviation).",
 )
-@click.option(
-    "--patience",
-    "patience_s",
-    type=Real(min=0, min_open=True),
-    default=120.0,
-    show_default=True,
-    metavar="S",
-    help="Longest wait for the mirror at rest, and for the weight.",
-)
+@patience_option("Longest wait for the mirror at rest, and for the weight.")
 @scenario_options
 @summary_option
 def weight_command(
@@ -128,7 +121,7 @@ def _weigh(rig: Rig, rig_name: str, weighing: tuple[float, float, float]) -> Wei
     with stopped_by_signals(), opened_devices(rig) as opened:
         stored = calibration_of(rig_name)
         if stored is not None:
-            check_calibration(stored, rig_name, rig, opened, force=False)
+            check_calibration(stored, rig_name, rig, opened)
         elif not is_known(rig, opened.camera):
             raise InputError(
                 f"--rig: {rig_name}: not calibrated: zeromethod calibrate --rig {rig_name} first"

@@ -241,12 +241,12 @@ class Burst:
         new = need if self.read is None else need & ~self.read.region
         unread = int(np.count_nonzero(new)) >= LEAST_NODES
         again = self._always or (self.read is not None and measured.time_ns > self.read.time_ns + 1e9 * OLD_S)
-        wanted = np.count_nonzero(need) >= LEAST_NODES if again else unread
         # what failed for some frames only, as after a sudden press, is no reason to wait any more
         self.unread = int(np.count_nonzero(new & failing)) >= LEAST_NODES
-        lasting = (need if again else new) & self._failing.lasting
-        wanted = wanted and (self._always or int(np.count_nonzero(lasting)) >= LEAST_NODES)
-        if not wanted or self._quiet < QUIET_FRAMES:
+        wanted = need if again else new
+        if not self._always:
+            wanted = wanted & self._failing.lasting
+        if np.count_nonzero(wanted) < LEAST_NODES or self._quiet < QUIET_FRAMES:
             return False
         self.unread = unread
         self._running = self._blinding = _Running(self._rest, need, thought, measured)

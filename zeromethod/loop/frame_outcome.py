@@ -13,8 +13,6 @@ from zeromethod.loop.state import Doubt, Outcome, StepOutcome
 
 BURST_AHEAD = "no picture nulls a part of the view: coded ones will read it; keep what is pressed still"
 BURST_WORDS = "coded pictures read the warp where none can null it; keep what is pressed still"
-BURST_REASONS = frozenset({BURST_AHEAD, BURST_WORDS})
-"""Reasons of a state NULLING that ends by itself, while what is pressed is kept still."""
 
 
 def frame_outcome(
