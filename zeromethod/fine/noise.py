@@ -11,7 +11,7 @@ itself, as c^2 is a cosine of twice the frequency; the second is one of v a.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 from scipy.fft import dctn, idctn
@@ -24,6 +24,7 @@ _SAME = 0.1
 """Relative change of what the noise beyond the window is computed from, up to which it is kept."""
 _SAMPLED_PX = 4
 """From one pixel to the next of which the noise's mean over the view is taken."""
+Gains = Callable[[], Iterable[tuple[Single | float, Float]]]
 _POINTS = np.array([11.0, -93.0, 802.0, 802.0, -93.0, 11.0]) / 1440.0
 """Weights of pixels in the integral from one to the next, as `surface.differences` has them."""
 
@@ -39,12 +40,10 @@ def wave_variance(
     shape: tuple[int, int],
     step_mm: tuple[float, float],
     slope2: tuple[float, float],
-    gain: Float | None = None,
 ) -> Float:
     """Variance v (rows, cols), mm^2, of the depth's cosines, orthonormal.
 
-    step_mm: of a pixel along columns, along rows. slope2: variance of the slope along the same, rad^2. gain:
-    (rows, cols) of what is done to the cosines' amplitude; None for nothing.
+    step_mm: of a pixel along columns, along rows. slope2: variance of the slope along the same, rad^2.
     """
     rows, cols = shape
     weight = [1.0 / (s2 * step * step) for s2, step in zip(slope2, step_mm, strict=True)]
@@ -53,8 +52,7 @@ def wave_variance(
     # each axis adds w^2 |2 sin|^2 var = w |2 sin|^2, with the rule's gain
     noise = weight[0] * eigenvalues(shape, 1.0, 0.0) * _rule(cols)
     noise = noise + weight[1] * eigenvalues(shape, 0.0, 1.0) * _rule(rows)[:, None]
-    v = noise / total**2
-    return np.asarray(v if gain is None else v * gain**2)
+    return np.asarray(noise / total**2)
 
 
 def depth_variance(wave: Float, anchor: Float) -> Float:
@@ -85,11 +83,12 @@ class DetailNoise:
 
     Computed again when the noise of the two slopes, against each other, or the pixels' steps have changed.
 
-    period_px: of the carriers, and so of the window. gain: what makes that of `wave_variance`.
+    period_px: of the carriers, and so of the window. gains: (rows, cols) of what is done to the cosines'
+    amplitude, and the share of each in the pixels.
     """
 
-    def __init__(self, period_px: int, gain: Callable[[], Float] | None = None) -> None:
-        self._period_px, self._gain = period_px, gain
+    def __init__(self, period_px: int, gains: Gains | None = None) -> None:
+        self._period_px, self._gains = period_px, gains
         self._known: tuple[float, float, float] | None = None
         self._unit: Single = np.zeros((0, 0), np.float32)
 
@@ -119,10 +118,13 @@ class DetailNoise:
     def _beyond_window(self, shape: tuple[int, ...], steps_mm: tuple[float, float], ratio: float) -> Single:
         """Variance (rows, cols) where slopes along columns have variance 1, and along rows this one."""
         rows, cols = shape
-        gain = None if self._gain is None else self._gain()
-        wave = wave_variance((rows, cols), steps_mm, (1.0, ratio), gain)
+        wave = wave_variance((rows, cols), steps_mm, (1.0, ratio))
         down, across = (transfer(self._period_px, np.maximum(np.arange(n), 1e-6) / (2 * n)) for n in shape)
-        return _squares(wave * (1.0 - np.outer(down, across) ** 2)).astype(np.float32)
+        wave *= 1.0 - np.outer(down, across) ** 2
+        out = np.zeros(shape, np.float32)
+        for share, gain in [(1.0, None)] if self._gains is None else self._gains():
+            out += share * _squares(wave if gain is None else wave * gain**2).astype(np.float32)
+        return out
 
 
 def _mean_step(values: Single, axis: int) -> float:
