@@ -128,7 +128,7 @@ def _remembered(shown: Float, noise2: Float, grid: NodeGrid) -> Float:
     pooled = (np.asarray(cv2.blur(one, (_POOL_NODES, _POOL_NODES))) for one in (likely2, seen2))
     with np.errstate(invalid="ignore", divide="ignore"):
         share = np.minimum(np.nan_to_num(np.divide(*pooled)), 1.0)
-    return left * share[..., None]
+    return np.asarray(left * share[..., None])
 
 
 def _window_taps(period_px: int, spacing_px: int) -> Float:
