@@ -152,7 +152,7 @@ def test_two_objects_are_two_regions_each_with_its_light(bench):
 
 
 def test_what_closes_over_between_three_regions_is_none_of_them(bench):
-    """Gaps of less than a period are closed; here one closes to a piece that hangs together with no region."""
+    """Gaps of less than a period are closed; here one closes to a piece of no region."""
     v, u = np.mgrid[:60, :60]
     masks = [np.hypot(v - at_v, u - at_u) < r for at_v, at_u, r in ((33, 19, 4), (39, 34, 5), (22, 41, 4))]
     regions = [Region(0, 0, one, one.astype(np.float32), one.view(np.uint8), None, 8.0) for one in masks]
