@@ -114,20 +114,17 @@ def _expected(shown: Float, known: Float, trusted: Mask, inverse_spacing: float,
 
 
 @numba.njit(cache=True)
-def _changes(d: Float, expected: Float, flags: Flags, seen: Mask) -> tuple[float, int]:
-    """(largest |d - expected| over valid nodes, how many nodes seen at rest are not valid)."""
+def _change(d: Float, expected: Float, flags: Flags) -> float:
+    """Largest |d - expected| over valid nodes; NaN, no expectation, counts for nothing."""
     largest = 0.0
-    missing = 0
     for j in range(flags.shape[0]):
         for i in range(flags.shape[1]):
             if flags[j, i] == 0:
                 for k in range(2):
                     change = abs(d[j, i, k] - expected[j, i, k])
-                    if change > largest:  # noqa: PLR1730 - max() would let NaN (no expectation) through
+                    if change > largest:  # noqa: PLR1730 - max() would let NaN through
                         largest = change
-            else:
-                missing += seen[j, i]
-    return largest, missing
+    return largest
 
 
 def expect(observation: Observation, known_q: Float, trusted: Mask, rest: Rest) -> Known:
@@ -206,9 +203,8 @@ def measure_warp(
     if observation.mixture is not None:
         flags[observation.mixture.mixed] |= _MIXED
     sigma_px = residual.sigma if hold is None else hold.flag(flags, residual.sigma)
-    change, missing = _changes(residual.d, known.residual_px, flags, rest.visible)
-    if missing:
-        sudden = change > SUDDEN_PERIODS * grid.period_px
+    if (rest.visible & (flags != 0)).any():
+        sudden = _change(residual.d, known.residual_px, flags) > SUDDEN_PERIODS * grid.period_px
         doubt = order_in_doubt(flags == 0, np.zeros_like(known.trusted) if sudden else known.trusted)
         if doubt is not None:
             flags[doubt] |= _AMBIGUOUS
