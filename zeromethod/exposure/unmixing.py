@@ -18,7 +18,7 @@ NEAR_PX = 0.05
 
 @numba.njit(cache=True)
 def _less(d: Float, bias: Float, out: Float) -> bool:
-    """d - bias of a row of nodes (cols, 2); whether all of the bias is negligible."""
+    """Take its bias out of a row of nodes (cols, 2); whether all of that is negligible."""
     large = 0
     for i in range(d.shape[0]):
         bu, bv = bias[i, 0], bias[i, 1]

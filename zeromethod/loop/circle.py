@@ -244,7 +244,7 @@ class Circle:
         return FrameResult(changed, refusal, observation, *seen, order, *coded)
 
     def settle(self) -> None:
-        """Learn from the last frame what only later ones need: best once the command was given to be drawn."""
+        """Learn from the last frame what only later ones need: best once its command was given away."""
         learnt, self._unlearned = self._unlearned, None
         if learnt is not None and self._panel_blur is not None:
             self._panel_blur.learn(*learnt)

@@ -108,8 +108,10 @@ class FailingNodes:
     def _fail(self, residual: Residual, flags: Flags, thought: Float) -> Mask | None:
         """(rows, cols) nodes that cannot be nulled, in patches that have light everywhere; None for none."""
         rest, grid = self._rest, self._rest.grid
+        if self._light is None:
+            return None
         failing: Mask = np.empty_like(self._never)
-        if not (_cannot(flags, rest.visible, self._never, failing) or self._left.any()) or self._light is None:
+        if not (_cannot(flags, rest.visible, self._never, failing) or self._left.any()):
             return None
         there = warp_flags(
             thought,

@@ -75,7 +75,7 @@ def _lacking(before2: Single, before: Single, now: Single, after: Single, after2
     """Light over that at rest that nodes lack (0, n), by nodes to both sides, and its variance over one's.
 
     That of one and of those on a straight line between two, or through two on one side; 0 where they are not
-    known. Arguments: of the nodes there, (n,) each, 0 where not known. Lines, so that the compiler vectorises.
+    known. Arguments: of the nodes there, (n,) each, 0 where not known; lines, for the compiler to vectorise.
     """
     lack, variance = out[0], out[1]
     for i in range(lack.size):
@@ -125,9 +125,9 @@ def _open(
     by, at = APART_NODES, _BEYOND
     cut2 = 0.499 * nothing / px_per_rad**2  # but for rounding what is added below
     for j in range(by, rows - by):
-        row = light[at + j]
+        row, above, below = light[at + j], light[at + j - by], light[at + j + by]
         now = row[at:]
-        _lacking(light[j, at:], light[at + j - by, at:], now, light[at + j + by, at:], light[j + 2 * at, at:], down)
+        _lacking(light[j, at:], above[at:], now, below[at:], light[j + 2 * at, at:], down)
         _lacking(row, row[at - by :], now, row[at + by :], row[2 * at :], across)
         _noise2(modulation[j], sigma[j], cut2, noise2)
         _suspects(now, rest[j], down, across, noise2, suspects)

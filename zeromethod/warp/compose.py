@@ -10,7 +10,6 @@ import numpy as np
 from zeromethod.arrays import Float
 from zeromethod.warp.interpolant import keys_weights, sample_pair
 
-
 _FAST = {"contract"}
 
 
