@@ -149,7 +149,7 @@ def test_sigma_after_a_sudden_change_is_on_the_safe_side_at_once_and_exact_some_
     ratio = (some.sigma_depth_mm / exact.sigma_depth_mm)[some.valid]
     assert np.sqrt(np.mean((ratio - 1.0) ** 2)) < 0.08
     assert reader._noise._map._samples is not None
-    for _ in range(220):
+    for _ in range(660):
         last = reader.follow(dent)
     assert reader._noise._map._samples is None
     # the same weights, and noise of the same reading: what is left is the rescaling
