@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from functools import partial
+from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 
@@ -26,6 +30,7 @@ from zeromethod.arrays import Float, Single
 from zeromethod.errors import InputError
 from zeromethod.fine.reader import FRAMES, FineReader
 from zeromethod.fine.surface import FineSurface
+from zeromethod.loop.circle import Circle
 from zeromethod.optics import Optics
 from zeromethod.rig.load import load_rig
 from zeromethod.session.fine import FineReadings, frame_of, with_moving_target
@@ -202,27 +207,45 @@ def long_mean(frames: int, binning: int) -> Found:
 
 
 def loop_cost(frames: int) -> Found:
-    """Median time of the loop, ms: target at rest, moving, and moving with fine surfaces read alongside.
+    """Median processor time of the loop, ms: target at rest, moving, and moving with surfaces read alongside.
 
-    And a fine reading's processor time, ms, and the most memory that its process alone holds, MB.
+    Frame by frame in turn. And a reading's processor time, ms, and the most memory its process alone holds, MB.
     """
     rig = load_rig("simulated").model_copy(update={"scenario": "none"})
-    times: dict[str, list[float]] = {"still": [], "step": [], "fine": []}
+    names = "still", "step", "fine"
     with ExitStack() as stack:
         benches = {name: stack.enter_context(opened(rig if name == "still" else with_moving_target(rig)))
-                   for name in times}  # fmt: skip
+                   for name in names}  # fmt: skip
+        times_ms = stack.enter_context(timed())
         one = benches["fine"]
         readings = FineReadings(one.rig, one.optics, one.loop.grid, one.truth)
         stack.enter_context(readings.in_own_process())
         process, memory, spent = readings.process_id or 0, [0.0], [0.0]
-        runs = {name: bench.loop.run(frames=frames) for name, bench in benches.items()}
-        for steps in zip(*runs.values(), strict=True):
-            for name, step in zip(runs, steps, strict=True):
-                times[name].append(step.loop_ms)
-            readings.add(steps[-1])
+        runs = [bench.loop.run(frames=frames) for bench in benches.values()]
+        for *_, step in zip(*runs, strict=True):
+            readings.add(step)
             memory.append(memory_mb(process))
             if readings.collect():
                 spent.append(spent_ms({"fine": process})["fine"])
-    medians = {name: float(np.median(values[frames // 4 :])) for name, values in times.items()}
+    medians = {
+        name: float(np.median(values[frames // 4 :]))
+        for name, values in zip(names, times_ms.values(), strict=True)
+    }
     # the first one compiles, or loads what was
     return medians | {"memory_mb": max(memory), "reading_ms": float(np.median(np.diff(spent)[1:]))}
+
+
+@contextmanager
+def timed() -> Iterator[dict[int, list[float]]]:
+    """Within this context, the thread's processor time for each frame from hand to command, ms, by circle."""
+    take: Callable[..., Any] = Circle.take
+    times_ms: dict[int, list[float]] = {}
+
+    def measured(circle: Circle, *args: Any) -> Any:
+        begun_ns = time.thread_time_ns()
+        result = take(circle, *args)
+        times_ms.setdefault(id(circle), []).append(1e-6 * (time.thread_time_ns() - begun_ns))
+        return result
+
+    with patch.object(Circle, "take", measured):
+        yield times_ms
