@@ -70,7 +70,7 @@ def cases(seeds: int, quick: bool) -> list[Case]:
     out += [Case("press", "press", seed, partial(parts.tiny_press, seed)) for seed in range(2 * wide)]
     long, binning = (240, 4) if quick else (10_000, 1)
     out.append(Case("mean", "mean", 0, partial(parts.long_mean, long, binning)))
-    out.append(Case("loop", "loop", 0, partial(parts.loop_cost, 60 if quick else 240)))
+    out.append(Case("loop", "loop", 0, partial(parts.loop_cost, 120 if quick else 240)))
     return out
 
 

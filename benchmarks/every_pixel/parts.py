@@ -209,7 +209,7 @@ def long_mean(frames: int, binning: int) -> Found:
 def loop_cost(frames: int) -> Found:
     """Median processor time of the loop, ms: target at rest, moving, and moving with surfaces read alongside.
 
-    Frame by frame in turn. And a reading's processor time, ms, and the most memory that its process holds, MB.
+    Frame by frame in turn. And a reading's processor time, ms, the most memory its process holds, MB.
     """
     rig = load_rig("simulated").model_copy(update={"scenario": "none"})
     names = "still", "step", "fine"
