@@ -71,7 +71,8 @@ def _median(values: Float) -> Float:
             for i in range(values.shape[1]):
                 a, b = values[k, i], values[k + 1, i]
                 values[k, i], values[k + 1, i] = min(a, b), max(a, b)
-    return values[half].copy() if count % 2 else 0.5 * (values[half - 1] + values[half])
+    median: Float = values[half].copy() if count % 2 else 0.5 * (values[half - 1] + values[half])
+    return median
 
 
 class Horizon:
