@@ -7,6 +7,7 @@ coded pictures would show nothing there either.
 from __future__ import annotations
 
 import cv2
+import numba
 import numpy as np
 
 from zeromethod.arrays import Bytes, Flags, Float, Mask, Single
@@ -42,8 +43,8 @@ REACH_NODES = 3
 GROWS_SHARE = 0.1
 """Share of the nodes that failed for the first time since the mirror is at rest from which more will."""
 
-_CANNOT = np.uint16(Flag.MODULATION | Flag.LIGHT_LOST | Flag.FOLDED | Flag.UNDRAWABLE | Flag.AMBIGUOUS)
-_FOR_NOW, _LIGHT_LOST = np.uint16(Flag.MIXED | Flag.CODED), np.uint16(Flag.LIGHT_LOST)
+_CANNOT = int(Flag.MODULATION | Flag.LIGHT_LOST | Flag.FOLDED | Flag.UNDRAWABLE | Flag.AMBIGUOUS)
+_FOR_NOW, _LIGHT_LOST = int(Flag.MIXED | Flag.CODED), np.uint16(Flag.LIGHT_LOST)
 _OFF_DISPLAY = np.uint16(Flag.OFF_DISPLAY)
 _FAR = np.float32(1e6)
 
@@ -63,6 +64,7 @@ class FailingNodes:
         self._flat: Bytes = np.zeros(rest.q.shape[:2], np.uint8)
         self._never: Mask = np.zeros_like(rest.visible)
         self._before: Mask = np.zeros_like(rest.visible)
+        self._remembers = False
 
     @property
     def lasting(self) -> Mask:
@@ -77,8 +79,9 @@ class FailingNodes:
 
     def forget(self) -> None:
         """Begin again: what fails while the mirror moves is seen again when it rests."""
-        self._left[:] = 0
-        self._before[:] = False
+        if self._remembers:
+            self._left[:] = 0
+            self._before[:] = self._remembers = False
 
     def look(self, residual: Residual, measured: Warp, thought: Float) -> Mask | None:
         """Remember the nodes (rows, cols) that fail in a frame, and return them; None for none.
@@ -89,6 +92,7 @@ class FailingNodes:
         if failing is None:
             self.forget()
             return None
+        self._remembers = True
         dirty = failing & self._lie_flat(failing | (self._left > 0), measured)
         failing &= ~dirty
         self._flat += dirty
@@ -104,19 +108,16 @@ class FailingNodes:
     def _fail(self, residual: Residual, flags: Flags, thought: Float) -> Mask | None:
         """(rows, cols) nodes that cannot be nulled, in patches that have light everywhere; None for none."""
         rest, grid = self._rest, self._rest.grid
-        failing: Mask = ((flags & _CANNOT) != 0) & ((flags & _FOR_NOW) == 0)
-        failing &= rest.visible & ~self._never
-        if self._light is None or not (failing.any() or self._left.any()):
+        if self._light is None:
             return None
-        there = warp_flags(
-            thought,
-            rest.q,
-            grid.period_px,
-            rest.display_size,
-            spacing_px=grid.spacing_px,
-            rest_areas=rest.areas,
-        )
-        failing &= there & _OFF_DISPLAY == 0
+        failing: Mask = np.empty_like(self._never)
+        if not (_cannot(flags, rest.visible, self._never, failing) or self._left.any()):
+            return None
+        around = _around(failing)
+        here, spacing_px = (thought[around], rest.q[around]), grid.spacing_px
+        areas = rest.areas[around]
+        there = warp_flags(*here, grid.period_px, rest.display_size, spacing_px=spacing_px, rest_areas=areas)
+        failing[around] &= there & _OFF_DISPLAY == 0
         lit = residual.mean - self._black > LIT_SHARE * (self._light - self._black)
         dark = grown(rest.visible & ~lit, REACH_NODES)
         count, patches = cv2.connectedComponents((grown(failing, 1) | dark).astype(np.uint8), connectivity=8)
@@ -138,6 +139,25 @@ class FailingNodes:
         count, patches = cv2.connectedComponents(cv2.dilate(nodes.view(np.uint8), side))
         curved = np.bincount(patches[nodes & ((bent < 0) | (bent >= BENT_LCD_PX))], minlength=count) > 0
         return np.asarray(nodes & ~curved[patches])
+
+
+@numba.njit(cache=True)
+def _cannot(flags: Flags, visible: Mask, never: Mask, out: Mask) -> bool:
+    """Nodes that cannot be nulled, of those that are visible and not never to be, in `out`; whether any."""
+    cannot, for_now, none, count = np.uint16(_CANNOT), np.uint16(_FOR_NOW), np.uint16(0), 0
+    for j in range(flags.shape[0]):
+        for i in range(flags.shape[1]):
+            fails = (flags[j, i] & cannot != none) & (flags[j, i] & for_now == none)
+            out[j, i] = fails & visible[j, i] & (not never[j, i])
+            count += out[j, i]
+    return count > 0
+
+
+def _around(nodes: Mask) -> tuple[slice, slice]:
+    """The part of the lattice with these nodes (rows, cols) and those that their derivatives reach."""
+    reached = (np.flatnonzero(nodes.any(axis=axis)) for axis in (1, 0))
+    down, across = (slice(max(at[0] - 2, 0), at[-1] + 3) if len(at) else slice(0, 0) for at in reached)
+    return down, across
 
 
 def grown(nodes: Mask, by: int) -> Mask:
