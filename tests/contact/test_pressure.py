@@ -45,16 +45,33 @@ def test_a_balls_pressure_has_its_maximum_and_its_sum():
 
 
 @pytest.mark.parametrize(
-    ("name", "middle", "border"), [("punch", (0.0, 0.9), (1.3, 3.0)), ("cone", (1.6, 5.0), (0.0, 0.4))]
+    ("name", "middle", "border"), [("punch", (0.4, 0.6), (3.5, 4.3)), ("cone", (1.6, 5.0), (0.0, 0.4))]
 )
 def test_where_a_punch_and_a_cone_press_most_is_seen_from_outside(name, middle, border):
-    """0.5 and 2.6 times the mean near the middle; a punch's rim has most of its load, a cone's hardly any."""
+    """0.5 and 2.6 times the mean near the middle, 3.9 and 0.1 times beside the rim."""
     found, force_n, rings = pressure(name)
     assert found.force_n == pytest.approx(force_n, rel=0.01)
     assert middle[0] <= rings[1] <= middle[1]
     assert border[0] <= rings[-2] <= border[1]
     assert (found.pressure_mpa > -1e-9).all()
     assert not found.sticks
+
+
+@pytest.mark.parametrize("name", list(DENTS))
+def test_what_may_press_otherwise_is_in_sigma(name):
+    """Of a tip nothing is seen around it: a ball's map does not exclude a cone's."""
+    found, force_n, _ = pressure(name)
+    rho = np.hypot(found.x_mm - 2.0, found.y_mm + 1.0) / RADIUS_MM
+    within = rho < 0.95
+    shapes = {
+        "ball": 1.5 * np.sqrt(np.maximum(1 - rho**2, 0.0)),
+        "punch": 0.5 / np.sqrt(np.maximum(1 - rho**2, 0.01)),
+        "cone": np.arccosh(np.maximum(1 / rho, 1.0)),
+    }
+    true = shapes[name] * force_n / (np.pi * RADIUS_MM**2)
+    z = ((found.pressure_mpa - true) / found.sigma_mpa)[within]
+    assert np.sqrt(np.mean(z**2)) < 1.5
+    assert np.abs(z).max() < 3
 
 
 def jkr(force_n: float, pull: float) -> tuple[PressureMap, np.ndarray, np.ndarray]:
@@ -89,7 +106,8 @@ def test_a_ball_that_sticks_pulls_at_its_border(force_n):
 def test_a_pull_too_weak_to_be_sure_of_is_within_sigma():
     found, true, within = jkr(0.03, pull=0.3)
     assert not found.sticks
-    assert np.mean((np.abs(found.pressure_mpa - true) > 2 * found.sigma_mpa)[within]) < 0.05
+    # all of it is off together
+    assert np.abs((found.pressure_mpa - true) / found.sigma_mpa)[within].max() < 3
 
 
 def test_a_border_that_is_too_wide_makes_no_contact_stick():
