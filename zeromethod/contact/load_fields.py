@@ -23,9 +23,9 @@ _SMOOTH2 = 0.8**2
 def load_fields(loads: Loads, at_mm: Float, spread_mm2: Float, *, within: bool = False) -> Float:
     """Mean depth, 1/mm, and slope along x and y, 1/mm^2, (n, 3, SHAPES) about points (n, 2), mm.
 
-    Of a half-space, in 1 / (pi E*) of a newton, by each of a contact's pressures. spread_mm2: (n, 2) variances
-    along x and y of what the means are over, which slopes have to third order, depth has not. within: points
-    may lie between the cells.
+    Of a half-space, in 1 / (pi E*) of a newton, by each of a contact's pressures. spread_mm2: (n, 2)
+    variances along x and y of what the means are over: slopes have it to third order, depth has not. within:
+    points may lie between the cells.
     """
     low, high = loads.cells.min(axis=0), loads.cells.max(axis=0)
     middle, half = (low + high) / 2, (high - low) / 2
