@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
+
 import numpy as np
 import pytest
 from planted_dents import (
@@ -18,8 +20,9 @@ from planted_dents import (
 )
 
 from zeromethod import InputError, load_rig
-from zeromethod.contact import PressureMap, pressure_map
+from zeromethod.contact import Contact, PressureMap, evenly, pressure_map
 from zeromethod.mechanics.yielding import Layer
+from zeromethod.recording.schema import CONTACTS, OUTLINE_POINTS, row_dtype
 
 DEPTH_MM = 0.02
 
@@ -129,6 +132,24 @@ def test_what_is_open_of_the_body_is_not_taken_for_pressure():
     assert found.force_n == pytest.approx(force_n, rel=0.03)
 
 
+def recorded(*contacts: Contact) -> np.ndarray:
+    """Rows of a recording's table, with its 64 points of the border."""
+    rows = np.zeros(len(contacts), row_dtype(CONTACTS))
+    for row, contact in zip(rows, contacts, strict=True):
+        for name, value in asdict(contact.figures).items():
+            row[name] = value
+        row["outline_mm"] = evenly(contact.outline_mm, OUTLINE_POINTS)
+    return rows
+
+
+def test_rows_of_a_recording_make_the_map_of_the_steps_contacts():
+    """Borders are kept as 64 points in single precision: chords are shorter by a thousandth."""
+    pressed, one = surface(outwards(ball, DEPTH_MM), (0.0, 0.0)), round_contact()
+    live, kept = (pressure_map(rig(), pressed, each) for each in ([one], recorded(one)))
+    assert kept.pressure_mpa.max() == pytest.approx(live.pressure_mpa.max(), rel=0.01)
+    assert kept.force_n == pytest.approx(live.force_n, rel=0.001)
+
+
 def test_there_is_no_map_of_a_pull_or_without_a_modulus():
     pulled = surface(outwards(punch, -0.01), (0.0, 0.0))
     with pytest.raises(InputError, match="the contact pulls"):
@@ -139,13 +160,13 @@ def test_there_is_no_map_of_a_pull_or_without_a_modulus():
 
 def test_what_is_no_rig_surface_or_contact_is_refused_by_name():
     pressed, one = surface(outwards(ball, DEPTH_MM), (0.0, 0.0)), round_contact()
-    row = np.zeros(1, [("x_mm", "f8"), ("outline_mm", "f4", (4, 2))])
     for given, words in (
         (("nowhere.toml", pressed, [one]), "nowhere.toml"),
         ((rig(), None, [one]), "surface: NoneType"),
         ((rig(), pressed, []), "contacts: nothing touches"),
         ((rig(), pressed, None), "contacts: a step's"),
-        ((rig(), pressed, row), "contacts: a step's"),
+        ((rig(), pressed, np.zeros(1, [("x_mm", "f8")])), "contacts: a step's"),
+        ((rig(), pressed, recorded()), "contacts: nothing touches"),
         ((rig(), pressed, [one], 1), "number: 1: from 0 to 0"),
         ((rig(), pressed, [one], -1), "number: -1: from 0 to 0"),
     ):

@@ -14,12 +14,12 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import nnls
 
-from zeromethod.arrays import Float
+from zeromethod.arrays import Float, Image
 from zeromethod.contact import load_fields
 from zeromethod.contact.contact import Contact
 from zeromethod.contact.force_fit import ForceFit, Overlap
@@ -81,7 +81,7 @@ class PressureMap:
 
 
 def pressure_map(
-    rig: Rig | str | Path, surface: Surface, contacts: Sequence[Contact], number: int = 0
+    rig: Rig | str | Path, surface: Surface, contacts: Sequence[Contact] | Image, number: int = 0
 ) -> PressureMap:
     """Pressure on one of the contacts of a frame.
 
@@ -91,8 +91,8 @@ def pressure_map(
         That says how stiff the rubber is.
     surface : Surface
         As measured around the contacts: a step's.
-    contacts : sequence of Contact
-        All that press in that frame: the step's. The rows of a recording's table are none.
+    contacts : sequence of Contact, or rows of `Recording.contacts`
+        All that press in that frame.
     number : int
         Which of them, from 0.
 
@@ -116,7 +116,7 @@ def pressure_map(
     >>> zm.pressure_map(rig, step.surface, step.contacts).pressure_mpa.max()  # doctest: +SKIP
     """
     rig = rig if isinstance(rig, Rig) else load_rig(rig)
-    _check(surface, contacts, number)
+    contacts = _checked(surface, contacts, number)
     yielding = Yielding.of(rig)
     if math.isnan(yielding.modulus_mpa):
         raise InputError(f"pressure map: {NO_MODULUS}")
@@ -180,15 +180,18 @@ def _by_growth(load: Loads, pressure: Float) -> Float:
     return np.asarray((away * rise / step).ravel())
 
 
-def _check(surface: object, contacts: Sequence[object] | None, number: int) -> None:
+def _checked(surface: object, contacts: Any, number: int) -> list[Contact]:
     if not isinstance(surface, Surface):
         raise InputError(f"pressure map: surface: {type(surface).__name__}: a step's surface")
+    if isinstance(contacts, np.ndarray) and "outline_mm" in (contacts.dtype.names or ()):
+        contacts = [Contact.of_row(row) for row in contacts]
     if contacts is None or not all(isinstance(contact, Contact) for contact in contacts):
-        raise InputError("pressure map: contacts: a step's; a recording's rows are none")
+        raise InputError("pressure map: contacts: a step's, or a recording's rows of that step")
     if len(contacts) == 0:
         raise InputError("pressure map: contacts: nothing touches")
     if number not in range(len(contacts)):
         raise InputError(f"pressure map: number: {number}: from 0 to {len(contacts) - 1}")
+    return list(contacts)
 
 
 def _unlike(load: Loads) -> Float:
