@@ -155,8 +155,8 @@ def _found(case: str, one: dict[str, Any], steps: Sequence[Step], rig: Rig) -> F
         near = [pair for pair in near if pair[0] < 1.0 and np.isfinite(pair[1].force_n)]
         if near:
             contact = min(near, key=lambda pair: pair[0])[1]
-            work = work_of_adhesion(contact, one.get("radius_mm", BALL_MM), modulus)
-            rows.append((contact.force_n, contact.sigma_force_n, *work))
+            found = work_of_adhesion(contact, one.get("radius_mm", BALL_MM), modulus)
+            rows.append((contact.force_n, contact.sigma_force_n, *found))
     force, sigma, *work = np.mean(rows, axis=0) if rows else (np.nan,) * 4
     scatter = float(np.std([row[0] for row in rows], ddof=1)) if len(rows) > 1 else np.nan
     z = [(row[0] - one["force_n"]) / row[1] for row in rows] or [np.nan]
