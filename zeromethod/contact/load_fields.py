@@ -11,9 +11,9 @@ from numpy.polynomial import chebyshev
 from zeromethod.arrays import Float
 from zeromethod.contact.loads import SHAPES, Loads
 
-_STANDING = ((1.2, 8), (2.5, 5), (5.0, 4))
+_STANDING = ((1.2, 7), (2.5, 5), (5.0, 3))
 """Half diagonals of a contact beyond which few forces stand for those of all its cells, and how many along
-each side; 1e-3 of the slope is lost where they begin, 1e-4 further away."""
+each side; 2e-3 of the slope is lost where they begin, 5e-4 further away."""
 
 
 _SMOOTH2 = 0.8**2
