@@ -128,11 +128,11 @@ class ForceFit:
 
     def _fit(self, weight: Float, by_own: Float) -> None:
         """weight: (2 n,) 1 / standard deviation of slopes in means over many nodes; by_own: of each alone."""
-        newtons, used = np.zeros(len(self.loads)), weight
+        used = weight
         for _ in range(_PASSES):
             last = used
             normal, right = load_fields.normal_equations(self.terms, self.slopes, used)
-            self.mean, known, newtons = shares(normal, right, newtons)
+            self.mean, known = shares(normal, right, self.loads)
             left = np.abs(load_fields.left_over(self.terms, self.slopes, self.mean)) * by_own
             usual = max(median(left) / _MEDIAN, 1.0)
             # slopes beside a border, where the mirror may fold, can be off by any amount

@@ -28,6 +28,8 @@ _BODY = 0.03
 _FEWEST = 12
 """Nodes beside a contact that must be read."""
 _LARGEST_SHARE = 0.5
+_STEEPEST = 0.5
+"""Least change of depth along a ray, over that at one place: where it is less, the mirror folds."""
 
 
 def carried_inside(
@@ -61,10 +63,11 @@ def carried_inside(
     away = at - beside.at_mm[nearest]
     terms = np.concatenate([fields[:, 0] - beside.terms[nearest], away], axis=1)
     depth = beside.depth_mm[nearest] + np.einsum("nt,t->n", terms, fit.mean)
-    # deeper nodes are seen elsewhere: the mirror there is as much deeper again as it slopes
-    moved = np.zeros_like(at)
-    moved[:count] = places.at_depth(inside, depth[:count]) - at[:count]
-    depth += (slope * moved).sum(axis=1)
+    # deeper nodes are seen elsewhere, where the mirror is as much deeper again as it slopes
+    deeper, per_mm = depth - beside.depth_mm[nearest], np.zeros_like(at)
+    per_mm[:count] = places.at_depth(inside, beside.depth_mm[nearest[:count]] + 1.0) - at[:count]
+    deeper /= np.maximum(1 - (slope * per_mm).sum(axis=1), _STEEPEST)
+    depth, moved = beside.depth_mm[nearest] + deeper, deeper[:, None] * per_mm
     # at a rim that sticks, or a sharp one, depth falls so fast that its place counts
     edge = max(contact.sigma_edge_mm for contact in contacts)
     variance = beside.sigma_mm[nearest] ** 2 + edge**2 * (slope**2).sum(axis=1)

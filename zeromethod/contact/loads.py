@@ -5,6 +5,7 @@ Source: Johnson 1985, Contact Mechanics, 3.2 to 5.2, doi:10.1017/CBO978113917173
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,7 +22,9 @@ _GAUSS = np.polynomial.legendre.leggauss(RINGS)
 _OPEN = np.array([0.7, 0.7, 0.7, 0.7, 0.2, 0.2, 0.2])
 """Standard deviations, before anything was read, of the shares of force that press otherwise than a ball
 does: 1 for a punch or a cone, and a ball is between the two; what is bent is less than that."""
-_PASSES = 3
+_LEAST = 0.002
+"""Force over radius^2, in 1 / (pi E*), as which a smaller one counts for that: a ball that sticks may press
+in its middle as much as it pulls at its border."""
 _OWN = 0.2837
 """A cell acts on itself as from that share of its side: the mean of 1 / distance over a square."""
 
@@ -78,19 +81,16 @@ class Loads:
         return np.asarray(np.einsum("c,ck->k", self.forces[0], self.cells))
 
 
-def shares(normal: Float, right: Float, newtons: Float) -> tuple[Float, Float, Float]:
+def shares(normal: Float, right: Float, loads: Sequence[Loads]) -> tuple[Float, Float]:
     """Shares (t,) of all contacts' pressures that solve normal equations, and these (t, t) with what is open.
 
-    The pressures come first, contact by contact; those without a net force are as large as needed, not more:
-    for forces of newtons (contacts,), which are returned as well, for the next passes to begin from. 0 where
-    nothing is known: balls alone say it then.
+    The pressures come first, contact by contact; those without a net force are about as large as it.
     """
-    count = SHAPES * len(newtons)
+    count = SHAPES * len(loads)
     parts = np.flatnonzero(np.arange(count) % SHAPES)
-    for _ in range(_PASSES):
-        known = normal.copy()
-        known[parts, parts] += 1 / np.maximum(np.outer(newtons, _OPEN).ravel() ** 2, 1e-30)
-        mean = np.asarray(np.linalg.solve(known, right), np.float64)
-        # of balls that stick it is the parts that say how much is open
-        newtons = np.maximum(newtons, np.abs(mean[:count]).reshape(-1, SHAPES).max(axis=1))
-    return mean, known, newtons
+    alone = np.delete(np.arange(len(right)), parts)
+    balls = np.linalg.solve(normal[np.ix_(alone, alone)], right[alone])[: len(loads)]
+    newtons = np.maximum(np.abs(balls), [_LEAST * load.area_mm2.sum() / np.pi for load in loads])
+    known = normal.copy()
+    known[parts, parts] += np.outer(newtons, _OPEN).ravel() ** -2
+    return np.asarray(np.linalg.solve(known, right), np.float64), known
