@@ -89,6 +89,8 @@ def _with_depths(contacts: Sequence[Contact], found: Float, nearest: NDArray[np.
         away = np.hypot(*(found[:, -2:] - (contact.x_mm, contact.y_mm)).T)
         own = found[(nearest == k) & (away < contact.major_mm / 2), :2]
         depth, sigma = max([middle, *own], key=lambda row: abs(row[0]))
+        # there may be a tip all the same
+        sigma = max(sigma, middle[1])
         deep.append(replace(contact, depth_mm=float(depth), sigma_depth_mm=float(sigma)))
     return tuple(deep)
 
