@@ -89,9 +89,12 @@ class PlantedFrames:
         return FineFrame(image, phase, np.ones_like(phase), np.zeros_like(phase), shown, measured, nodes)
 
     def frames(
-        self, mirrors, turns=EIGHT, *, shown=None, noise=0.0, shown_off_px=0.0, seed=0
+        self, mirrors, turns=EIGHT, *, shown=None, noise=0.0, shown_off_px=0.0, rough=0.0, seed=0
     ) -> list[FineFrame]:
-        """Frames of a mirror, or of one each, nulled (or `shown`), but for LCD px of scatter per frame."""
+        """Frames of a mirror, or of one each, nulled (or `shown`), but for LCD px of scatter per frame.
+
+        rough: (node rows, node cols, 2) LCD px added to what is shown in all of them.
+        """
         rng = np.random.default_rng(seed)
         mirrors = mirrors if isinstance(mirrors, list) else [mirrors] * len(turns)
         out = []
@@ -99,6 +102,7 @@ class PlantedFrames:
         for number, (mirror, pair) in enumerate(zip(mirrors, turns, strict=True)):
             if shown_off_px or mirror is not last:
                 warp, last = self.nulled(shown or mirror) + shown_off_px * rng.standard_normal(2), mirror
+                warp = warp + rough
                 d = self.displacement(warp, self.seen(mirror))
             out.append(self.frame(number, d, warp, pair, noise, rng))
         return out

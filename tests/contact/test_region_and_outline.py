@@ -6,7 +6,7 @@ from scipy.ndimage import gaussian_filter
 
 from zeromethod import load_rig
 from zeromethod.contact.outline import first_outline, refined, signed_area
-from zeromethod.contact.region import RegionFinder
+from zeromethod.contact.region import Region, RegionFinder
 from zeromethod.contact.rest import FRAMES, RestPicture
 from zeromethod.rig.model import Rig
 from zeromethod.sensing.sensor import ResidualSensor
@@ -149,3 +149,12 @@ def test_two_objects_are_two_regions_each_with_its_light(bench):
     image = np.where(disc(20.0, 230.0) > 0.5, bench.frame(disc(20.0, 230.0), 26.0), image).astype(np.uint8)
     found = sorted(region.scattered for region in bench.regions(image))
     assert found == pytest.approx([0.08, 0.26], abs=0.01)
+
+
+def test_what_closes_over_between_three_regions_is_none_of_them(bench):
+    """Gaps of less than a period are closed; here one closes to a piece of no region."""
+    v, u = np.mgrid[:60, :60]
+    masks = [np.hypot(v - at_v, u - at_u) < r for at_v, at_u, r in ((33, 19, 4), (39, 34, 5), (22, 41, 4))]
+    regions = [Region(0, 0, one, one.astype(np.float32), one.view(np.uint8), None, 8.0) for one in masks]
+    found = bench.finder._together(regions)
+    assert [np.count_nonzero([(one.mask & mask).any() for mask in masks]) for one in found] == [1, 2]

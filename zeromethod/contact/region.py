@@ -91,9 +91,10 @@ class RegionFinder:
         if len(regions) < 2:
             return regions
         whole = np.logical_or.reduce([region.mask for region in regions])
-        count, labels = cv2.connectedComponents(closed_over(whole, self._grid.period_px).astype(np.uint8))
+        _, labels = cv2.connectedComponents(closed_over(whole, self._grid.period_px).astype(np.uint8))
         found = []
-        for k in range(1, count):
+        # between three, a piece may close over that hangs together with none of them
+        for k in np.unique(labels[whole]):
             parts = [region for region in regions if (labels[region.mask] == k).any()]
             largest = max(parts, key=lambda region: np.count_nonzero(region.mask))
             if len(parts) > 1:

@@ -147,7 +147,39 @@ def _changes_ns(times_ns: Ints, frame: Frame, timing: PanelTiming) -> Float:
     return ((times_ns - frame.time_ns) + timing.latency_ns)[:, None] + timing.scanout_ns * _SCAN
 
 
-@numba.njit(cache=True, fastmath={"contract", "reassoc"})
+_FAST = {"contract", "reassoc"}
+
+
+@numba.njit(cache=True, fastmath=_FAST)
+def _places(q: Float, rows_per_entry: float, last: float, upwards: bool, place: Float) -> None:
+    """Where among the panel rows of the weights, 0..last, nodes (cols, 2) look."""
+    for i in range(place.size):
+        x = min(max(q[i, 1] * rows_per_entry, 0.0), last)
+        place[i] = last - x if upwards else x
+
+
+@numba.njit(cache=True, fastmath=_FAST)
+def _add(weights: Float, k: int, place: Float, warp: Float, q: Float) -> None:
+    """Add picture k's share of a row of nodes (cols, 2) to q; the first replaces what is there."""
+    last, first = weights.shape[0] - 2, k == 0
+    for i in range(place.size):
+        n = np.uintp(min(int(place[i]), last))
+        before = weights[n, k]
+        share = before + (place[i] - float(n)) * (weights[n + np.uintp(1), k] - before)
+        q[i, 0] = (0.0 if first else q[i, 0]) + share * warp[i, 0]
+        q[i, 1] = (0.0 if first else q[i, 1]) + share * warp[i, 1]
+
+
+@numba.njit(cache=True, fastmath=_FAST)
+def _off(q: Float, look_q: Float) -> float:
+    """Largest difference of panel rows."""
+    largest = 0.0
+    for i in range(q.shape[0]):
+        largest = max(largest, abs(q[i, 1] - look_q[i, 1]))
+    return largest
+
+
+@numba.njit(cache=True)
 def _mix(
     warps: Float,
     slots: Ints,
@@ -163,28 +195,20 @@ def _mix(
     The row is that of the mix itself, so that q and the weights are consistent at every point of the target;
     at most two iterations from `look_q` find it to far less than a row.
     """
-    rows, cols = q.shape[0], q.shape[1]
-    last = weights.shape[0] - 1
-    for j in range(rows):
-        for i in range(cols):
-            b = look_q[j, i, 1]
-            x = a = 0.0
-            for _ in range(2):
-                row = b
-                x = min(max(b * rows_per_entry, 0.0), float(last))
-                x = last - x if upwards else x
-                n = min(int(x), last - 1)
-                t = x - n
-                a = b = 0.0
-                for k in range(slots.size):
-                    share = weights[n, k] + t * (weights[n + 1, k] - weights[n, k])
-                    a += share * warps[slots[k], j, i, 0]
-                    b += share * warps[slots[k], j, i, 1]
-                if abs(b - row) < SAME_ROW:
-                    break
-            q[j, i, 0] = a
-            q[j, i, 1] = b
-            place[j, i] = x
+    last = float(weights.shape[0] - 1)
+    again, to = np.empty(place.shape[1]), np.empty((place.shape[1], 2))
+    for j in range(q.shape[0]):
+        _places(look_q[j], rows_per_entry, last, upwards, place[j])
+        for k in range(slots.size):
+            _add(weights, k, place[j], warps[slots[k], j], q[j])
+        if _off(q[j], look_q[j]) < SAME_ROW:
+            continue
+        _places(q[j], rows_per_entry, last, upwards, again)
+        for k in range(slots.size):
+            _add(weights, k, again, warps[slots[k], j], to)
+        for i in range(again.size):
+            if not abs(q[j, i, 1] - look_q[j, i, 1]) < SAME_ROW:
+                q[j, i, 0], q[j, i, 1], place[j, i] = to[i, 0], to[i, 1], again[i]
 
 
 def pair(

@@ -17,9 +17,22 @@ NEAR_PX = 0.05
 
 
 @numba.njit(cache=True)
+def _less(d: Float, bias: Float, out: Float) -> bool:
+    """Take its bias out of a row of nodes (cols, 2); whether all of that is negligible."""
+    large = 0
+    for i in range(d.shape[0]):
+        bu, bv = bias[i, 0], bias[i, 1]
+        out[i, 0], out[i, 1] = d[i, 0] - bu, d[i, 1] - bv
+        large += abs(bu) + abs(bv) > NO_BIAS_PX
+    return large == 0
+
+
+@numba.njit(cache=True)
 def _unmix(d: Float, bias: Float, base: Float, per_px: float, out: Float) -> None:
     rows, cols = d.shape[0], d.shape[1]
     for j in range(rows):
+        if base.shape[0] == 0 and _less(d[j], bias[j], out[j]):
+            continue
         for i in range(cols):
             ou, ov = 0.0, 0.0
             bu, bv = bias[j, i, 0], bias[j, i, 1]

@@ -9,6 +9,8 @@ what it nulls, so that this is sharpened in the displacement itself.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import cv2
 import numpy as np
 from scipy.fft import dctn, idctn, next_fast_len
@@ -22,6 +24,8 @@ from zeromethod.rig.model import Rig
 NOISE_LIMIT = 0.15
 """C above: noise is multiplied by 1 / (2 c) = 3.3 at most."""
 _PIXEL_PX2 = 1 / 12
+_SIZES = 4
+"""Footprints by which the whole view is divided, from the smallest to the largest in equal steps of area."""
 
 
 def response(radius: Float) -> Float:
@@ -44,34 +48,42 @@ class Footprint:
         s, t = np.broadcast_arrays(2.0 * u / (cols - 1) - 1.0, 2.0 * v / (rows - 1) - 1.0)
         self._sharpening = 0.5 * (rig.camera.psf_px**2 + _PIXEL_PX2)
         self.divides = rig.camera.pupil_mm > 0.0
-        self._shape, self._middle = lattice.shape, (0.0, 0.0)
+        self._shape = lattice.shape
         if not self.divides:
             return
         shift = np.einsum("rck,kij->rcij", quadratic_terms(s, t), footprint_terms(rig))
-        across, down = (np.hypot(shift[..., i, 0], shift[..., i, 1]) for i in (0, 1))
-        ends = [(float(one.min()), max(float(one.max()), float(one.min()) + 1e-6)) for one in (across, down)]
-        self._parts: list[Single] = [
-            ((one - low) / (high - low)).astype(np.float32)
-            for one, (low, high) in zip((across, down), ends, strict=True)
-        ]
+        across2, down2 = ((shift[..., i, :] ** 2).sum(axis=-1) for i in (0, 1))
+        size2 = across2 + down2
+        least, step = float(size2.min()), max(float(np.ptp(size2)) / (_SIZES - 1), 1e-6)
+        self._place = ((size2 - least) / step).astype(np.float32)
+        self._sizes: list[tuple[float, float]] = []
+        for k in range(_SIZES):
+            # the level's own shape; that of all where none is so large
+            near = self._share(k).astype(np.float64) + 1e-6
+            of_size = (least + k * step) / float((near * size2).sum())
+            across, down = (float(np.sqrt(of_size * (near * one).sum())) for one in (across2, down2))
+            self._sizes.append((across, down))
         self._fast = tuple(next_fast_len(n, real=True) for n in lattice.shape)
         fast_down, fast_across = (np.pi * np.arange(n) / n for n in self._fast)
-        self._inverses: list[tuple[int, int, Single]] = [
-            (i, j, self._inverse(a, b, fast_across, fast_down).astype(np.float32))
-            for i, a in enumerate(ends[0])
-            for j, b in enumerate(ends[1])
+        self._inverses = [
+            self._inverse(*one, fast_across, fast_down).astype(np.float32) for one in self._sizes
         ]
-        middle = tuple(n // 2 for n in lattice.shape)
-        self._middle = float(across[middle]), float(down[middle])
 
-    def gain(self) -> Float:
-        """(rows, cols) by which the cosines' noise is multiplied, in the middle of the view."""
+    def _share(self, size: int) -> Single:
+        """Weight (rows, cols) of a size of the footprint: exact to second order in the wave number."""
+        share: Single = np.maximum(np.float32(1.0) - np.abs(self._place - np.float32(size)), np.float32(0.0))
+        return share
+
+    def gains(self) -> Iterator[tuple[Single | float, Float]]:
+        """(rows, cols) by which the cosines' noise is multiplied, and the share of each in every pixel."""
         k_down, k_across = (np.pi * np.arange(n) / n for n in self._shape)
         sharp = [1.0 + 2.0 * self._sharpening * (1.0 - np.cos(k)) for k in (k_down, k_across)]
         gain: Float = np.outer(*sharp)
-        if self.divides:
-            gain *= self._inverse(*self._middle, k_across, k_down)
-        return gain
+        if not self.divides:
+            yield 1.0, gain
+            return
+        for k, one in enumerate(self._sizes):
+            yield self._share(k), gain * self._inverse(*one, k_across, k_down)
 
     def _inverse(self, across: float, down: float, k_across: Float, k_down: Float) -> Float:
         """G (rows, cols) of the cosines for a footprint of these half widths, px."""
@@ -94,10 +106,6 @@ class Footprint:
         whole = cv2.copyMakeBorder(depth_mm, 0, more[0], 0, more[1], borderType=cv2.BORDER_REFLECT)
         waves = dctn(np.asarray(whole), norm="ortho", overwrite_x=True)
         out = np.zeros((rows, cols), np.float32)
-        right, lower = self._parts
-        for i, j, inverse in self._inverses:
-            part = idctn(waves * inverse, norm="ortho", overwrite_x=True)[:rows, :cols]
-            part *= right if i else 1.0 - right
-            part *= lower if j else 1.0 - lower
-            out += part
+        for k, inverse in enumerate(self._inverses):
+            out += self._share(k) * idctn(waves * inverse, norm="ortho", overwrite_x=True)[:rows, :cols]
         return out

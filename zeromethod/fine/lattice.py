@@ -79,7 +79,11 @@ def _to_pixels(nodes: Any, row_first: Any, of_rows: Any, of_cell: Any, out: Any)
 
 @numba.njit(cache=True, fastmath={"contract", "reassoc"})
 def _window_sums(values: Any, used: Any, triangle: Any, spacing: int, out: Any) -> None:
-    """Sums (node rows, node cols, k + 1) over windows of used pixels' values (rows, cols, k), and of 1."""
+    """Sums (node rows, node cols, k + 1) over windows of used pixels' values (rows, cols, k), and of 1.
+
+    The border's pixels count half, so that what alternates from one to the next, as the LCD's grid does,
+    leaves nothing in a window that ends there.
+    """
     rows, cols, count = values.shape
     reach = len(triangle) // 2
     line = np.empty((cols, count + 1), np.float32)
@@ -87,6 +91,8 @@ def _window_sums(values: Any, used: Any, triangle: Any, spacing: int, out: Any) 
         line[:] = np.float32(0.0)
         for row in range(max(j * spacing - reach, 0), min(j * spacing + reach + 1, rows)):
             weight = triangle[row - j * spacing + reach]
+            if row == 0 or row == rows - 1:
+                weight *= np.float32(0.5)
             for col in range(cols):
                 if used[row, col]:
                     for k in range(count):
@@ -96,6 +102,8 @@ def _window_sums(values: Any, used: Any, triangle: Any, spacing: int, out: Any) 
             out[j, i] = 0.0
             for col in range(max(i * spacing - reach, 0), min(i * spacing + reach + 1, cols)):
                 weight = triangle[col - i * spacing + reach]
+                if col == 0 or col == cols - 1:
+                    weight *= np.float32(0.5)
                 for k in range(count + 1):
                     out[j, i, k] += weight * line[col, k]
 

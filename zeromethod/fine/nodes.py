@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
+from scipy.signal import savgol_filter
 
 from zeromethod.arrays import Float, Mask, Single
 from zeromethod.fine.blend import blend, blended_variance, fine_share
@@ -14,6 +16,8 @@ from zeromethod.fine.frames import FineFrame, FrameSequence, matvec
 from zeromethod.fine.lattice import PixelLattice
 from zeromethod.sensing.window import triangle
 from zeromethod.warp.compose import compose
+from zeromethod.warp.grid import NodeGrid
+from zeromethod.warp.interpolant import MEAN_LOSS, keys_weights
 from zeromethod.warp.validity import Flag
 from zeromethod.warp.warp import Role, Warp
 
@@ -25,6 +29,11 @@ _SEEN_BY_PIXELS = np.uint16(
 """Reasons for which a node is left out that need not concern its pixels."""
 _LEAST_WINDOW = 0.3
 """Share of a sensing window's pixels that must be usable for its mean to count."""
+_SHOWN_NOISE2, _POOL_NODES = 0.11, 9
+"""Variance of the shown warp over that of one frame at rest (`control.composition`), and the nodes along each
+side over which it is judged."""
+_SMOOTH_NODES, _SMOOTH_DEGREE = 17, 2
+"""Nodes, and degree of the polynomial, by which the shown warp is smoothed: waves of 16 nodes pass whole."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,11 +81,12 @@ def read_nodes(
     means, part = lattice.window_means(d, usable)
     inner_d = np.where((part > _LEAST_WINDOW)[..., None], means - excess[grid.inner], np.nan)
     fine = compose(shown, grid.padded(inner_d, np.nan), grid.spacing_px) + added_mean
+    noise2 = np.mean([frame.measured.sigma**2 for frame in frames], axis=0)
+    fine -= _remembered(shown - matvec(bending, excess), noise2, grid)
     late_px = per_rad * np.stack([x * one.node_late_rad_per_s for x, one in zip(late_s, frames, strict=True)])
     coarse = np.stack([frame.measured.q for frame in frames]) - matvec(bending, late_px)
     valid = np.logical_and.reduce([frame.measured.valid for frame in frames])
     across = np.asarray(np.linalg.inv(bending), np.float64)
-    noise2 = np.mean([frame.measured.sigma**2 for frame in frames], axis=0)
     rows = np.clip(grid.v_px, 0, grid.image_shape[0] - 1).astype(int)
     turns = np.stack([one.phase_rad[rows] for one in sequence.steps])
     share = fine_share(matvec(across, coarse - shown), matvec(across * across, noise2), valid, turns)
@@ -98,3 +108,35 @@ def read_nodes(
     warp = Warp(np.where(by_pixels[..., None], fine, q), sigma, flags, newest.time_ns, Role.MEASURED)
     offset = added_mean - matvec(bending, excess)
     return NodeWindows(warp, shown, offset, np.where(np.isfinite(fine), fine, q), share, bending)
+
+
+def _remembered(shown: Float, noise2: Float, grid: NodeGrid) -> Float:
+    """Noise of earlier frames that nodes have from the shown warp, LCD px; all (rows, cols, 2).
+
+    Of what is shown only the window's mean, W, is measured against it: the rest, 1 - W, stays. That is noise
+    where the shown warp is no rougher than the loop leaves it under noise, else the mirror's own shape.
+
+    noise2: variance of one frame's nodes.
+    """
+    rows, cols = (2 * ((min(_SMOOTH_NODES, n) - 1) // 2) + 1 for n in shown.shape[:2])
+    smooth = savgol_filter(shown, rows, min(_SMOOTH_DEGREE, rows - 1), axis=0)
+    rough = shown - savgol_filter(smooth, cols, min(_SMOOTH_DEGREE, cols - 1), axis=1)
+    taps = _window_taps(grid.period_px, grid.spacing_px)
+    left = rough - np.asarray(cv2.sepFilter2D(rough, -1, taps, taps, borderType=cv2.BORDER_REFLECT))
+    sums = ((rough**2).sum(axis=-1), _SHOWN_NOISE2 * noise2.sum(axis=-1))
+    seen2, likely2 = (np.where(np.isfinite(sums[1]), one, 0.0) for one in sums)
+    pooled = (np.asarray(cv2.blur(one, (_POOL_NODES, _POOL_NODES))) for one in (likely2, seen2))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        share = np.minimum(np.nan_to_num(np.divide(*pooled)), 1.0)
+    return np.asarray(left * share[..., None])
+
+
+def _window_taps(period_px: int, spacing_px: int) -> Float:
+    """Weights of nodes in the window's mean of the picture that is drawn of them, along one axis."""
+    reach = (period_px - 1) // spacing_px + 4
+    taps = np.zeros(2 * reach + 1)
+    for offset, weight in zip(range(1 - period_px, period_px), triangle(period_px), strict=True):
+        node, within = divmod(offset, spacing_px)
+        taps[reach + node - 1 : reach + node + 3] += weight * np.array(keys_weights(within / spacing_px))
+    fourth = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
+    return np.asarray(taps + MEAN_LOSS * np.convolve(taps, fourth, "same"))

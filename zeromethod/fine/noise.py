@@ -11,7 +11,8 @@ itself, as c^2 is a cosine of twice the frequency; the second is one of v a.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 from scipy.fft import dctn, idctn
@@ -21,9 +22,10 @@ from zeromethod.fine.integrate import eigenvalues
 from zeromethod.sensing.window import transfer
 
 _SAME = 0.1
-"""Relative change of what the noise beyond the window is computed from, up to which it is kept."""
+"""Relative steps of what the noise beyond the window is computed for."""
 _SAMPLED_PX = 4
-"""From one pixel to the next of which the noise's mean over the view is taken."""
+"""From one pixel to the next of which the noise is taken, and for which it is computed."""
+Gains = Callable[[], Iterable[tuple[Single | float, Float]]]
 _POINTS = np.array([11.0, -93.0, 802.0, 802.0, -93.0, 11.0]) / 1440.0
 """Weights of pixels in the integral from one to the next, as `surface.differences` has them."""
 
@@ -39,12 +41,10 @@ def wave_variance(
     shape: tuple[int, int],
     step_mm: tuple[float, float],
     slope2: tuple[float, float],
-    gain: Float | None = None,
 ) -> Float:
     """Variance v (rows, cols), mm^2, of the depth's cosines, orthonormal.
 
-    step_mm: of a pixel along columns, along rows. slope2: variance of the slope along the same, rad^2. gain:
-    (rows, cols) of what is done to the cosines' amplitude; None for nothing.
+    step_mm: of a pixel along columns, along rows. slope2: variance of the slope along the same, rad^2.
     """
     rows, cols = shape
     weight = [1.0 / (s2 * step * step) for s2, step in zip(slope2, step_mm, strict=True)]
@@ -53,8 +53,7 @@ def wave_variance(
     # each axis adds w^2 |2 sin|^2 var = w |2 sin|^2, with the rule's gain
     noise = weight[0] * eigenvalues(shape, 1.0, 0.0) * _rule(cols)
     noise = noise + weight[1] * eigenvalues(shape, 0.0, 1.0) * _rule(rows)[:, None]
-    v = noise / total**2
-    return np.asarray(v if gain is None else v * gain**2)
+    return np.asarray(noise / total**2)
 
 
 def depth_variance(wave: Float, anchor: Float) -> Float:
@@ -68,11 +67,11 @@ def depth_variance(wave: Float, anchor: Float) -> Float:
     return np.asarray(np.maximum(own - 2.0 * shared + float((wave * of_anchor**2).sum()), 0.0))
 
 
-def _squares(wave: Float) -> Float:
-    """Sum over all orthonormal cosines of v c^2, (rows, cols)."""
+def _squares(wave: Float, every: int = 1) -> Float:
+    """Sum over all orthonormal cosines of v c^2, (rows, cols), of so many pixels in the middle of each."""
     out = wave
     for axis, count in enumerate(wave.shape):
-        k, x = np.arange(count), np.arange(count)
+        k, x = np.arange(count), np.minimum(np.arange(every // 2, count + every // 2, every), count - 1)
         norm = np.where(k == 0, 1.0 / count, 2.0 / count)
         # cos^2 = (1 + cos 2) / 2; at k = 0 it is 1
         squared = norm * np.cos(np.pi * np.outer(2 * x + 1, k) / (2 * count)) ** 2
@@ -83,15 +82,16 @@ def _squares(wave: Float) -> Float:
 class DetailNoise:
     """Variance of depth by the pixels' noise beyond the sensing window.
 
-    Computed again when the noise of the two slopes, against each other, or the pixels' steps have changed.
+    Computed once for each ratio of the two slopes' noise, in steps, and again when the pixels' steps change.
 
-    period_px: of the carriers, and so of the window. gain: what makes that of `wave_variance`.
+    period_px: of the carriers, and so of the window. gains: (rows, cols) of what is done to the cosines'
+    amplitude, and the share of each in the pixels.
     """
 
-    def __init__(self, period_px: int, gain: Callable[[], Float] | None = None) -> None:
-        self._period_px, self._gain = period_px, gain
-        self._known: tuple[float, float, float] | None = None
-        self._unit: Single = np.zeros((0, 0), np.float32)
+    def __init__(self, period_px: int, gains: Gains | None = None) -> None:
+        self._period_px, self._gains = period_px, gains
+        self._steps_mm = 0.0, 0.0
+        self._units: dict[int, list[tuple[Single | float, Single]]] = {}
 
     def variance(self, slope2: Single, x_mm: Single, y_mm: Single, valid: Mask) -> Single:
         """Variance (rows, cols), mm^2.
@@ -107,22 +107,36 @@ class DetailNoise:
             dx, dy = (_mean_step(one, axis) for one in (x_mm, y_mm))
             steps.append(float(np.hypot(dx, dy)))
             variances.append((x2 * dx * dx + y2 * dy * dy) / (dx * dx + dy * dy))
-        now = variances[1] / variances[0], steps[0], steps[1]
-        if self._known is None or not np.allclose(now, self._known, rtol=_SAME):
-            self._known = now
-            self._unit = self._beyond_window(valid.shape, (steps[0], steps[1]), now[0])
+        if not np.allclose(steps, self._steps_mm, rtol=_SAME):
+            self._units, self._steps_mm = {}, (steps[0], steps[1])
+        key = round(math.log(variances[1] / variances[0]) / _SAME)
+        if key not in self._units:
+            self._units[key] = list(self._beyond_window(valid.shape, math.exp(key * _SAME)))
         out: Single = slope2[0] + slope2[1]
-        out *= self._unit
+        out *= _at_pixels(self._units[key], valid.shape)
         out *= np.float32(variances[0] / (x2 + y2))
         return out
 
-    def _beyond_window(self, shape: tuple[int, ...], steps_mm: tuple[float, float], ratio: float) -> Single:
-        """Variance (rows, cols) where slopes along columns have variance 1, and along rows this one."""
+    def _beyond_window(self, shape: tuple[int, ...], ratio: float) -> Iterator[tuple[Single | float, Single]]:
+        """Variance where slopes along columns have variance 1, along rows this one, and shares of each.
+
+        Of every pixel in the middle of some.
+        """
         rows, cols = shape
-        gain = None if self._gain is None else self._gain()
-        wave = wave_variance((rows, cols), steps_mm, (1.0, ratio), gain)
+        wave = wave_variance((rows, cols), self._steps_mm, (1.0, ratio))
         down, across = (transfer(self._period_px, np.maximum(np.arange(n), 1e-6) / (2 * n)) for n in shape)
-        return _squares(wave * (1.0 - np.outer(down, across) ** 2)).astype(np.float32)
+        wave *= 1.0 - np.outer(down, across) ** 2
+        for share, gain in [(1.0, None)] if self._gains is None else self._gains():
+            yield share, _squares(wave if gain is None else wave * gain**2, _SAMPLED_PX).astype(np.float32)
+
+
+def _at_pixels(units: list[tuple[Single | float, Single]], shape: tuple[int, ...]) -> Single:
+    """(rows, cols) of units that stand for squares of pixels, by their shares."""
+    rows, cols = shape
+    out = np.zeros(shape, np.float32)
+    for share, unit in units:
+        out += share * unit.repeat(_SAMPLED_PX, axis=0)[:rows].repeat(_SAMPLED_PX, axis=1)[:, :cols]
+    return out
 
 
 def _mean_step(values: Single, axis: int) -> float:

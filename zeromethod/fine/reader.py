@@ -60,7 +60,7 @@ class FineReader:
         self._integrator = PixelIntegrator(self._lattice.shape)
         self._footprint = Footprint(rig, self._lattice) if divide else None
         self._detail_noise = DetailNoise(
-            grid.period_px, None if self._footprint is None else self._footprint.gain
+            grid.period_px, None if self._footprint is None else self._footprint.gains
         )
         self._last = np.zeros(self._lattice.shape, np.float32)
 

@@ -156,6 +156,7 @@ class Circle:
         self._unsteady = unsteady
         self._horizon = Horizon(exposures.timing.upwards)
         self._source_ns: int | None = None
+        self._unlearned: tuple[Float, Float, Residual, Mask, float] | None = None
         # At rest the order of every node is known: it is that of the rest map.
         self._trusted = rest.visible
 
@@ -167,9 +168,12 @@ class Circle:
     @property
     def commanded(self) -> Warp:
         """The warp that is to be shown next."""
+        return Warp.drawn(self._commanded_q, Role.COMMANDED, self._source_ns or 0)
+
+    @property
+    def _commanded_q(self) -> Float:
         checking = None if self._order_check is None else self._order_check.commanded
-        q = self.controller.commanded if checking is None else checking
-        return Warp.drawn(q, Role.COMMANDED, self._source_ns or 0)
+        return self.controller.commanded if checking is None else checking
 
     @property
     def horizon_s(self) -> float:
@@ -203,6 +207,7 @@ class Circle:
 
     def take(self, frame: Frame, frozen: bool = False) -> FrameResult:
         """Take one frame round the circle; the command stays as it is where `frozen`."""
+        self.settle()
         known_q = self.controller.estimate
         observation = self.exposures.observe(frame, known_q)
         if isinstance(observation, Unpaired):
@@ -212,7 +217,7 @@ class Circle:
         residual, measured = self._measure(observation, known, known_q)
         if self._light_watch.is_off(residual.mean):
             return FrameResult(refusal=Event.LIGHT_OFF)
-        drawn = self.commanded.q
+        drawn = self._commanded_q
         order, settled = self._carrier_order(observation, residual, known, frozen)
         if settled is not None:
             known = settled
@@ -225,19 +230,24 @@ class Circle:
         redraw, read = self._coded(observation, residual, measured, known_q, frozen)
         changed, refusal = self._command(residual, measured, frozen)
         if order is not Order.KNOWN:
-            changed = self.commanded.q is not drawn
+            changed = self._commanded_q is not drawn
         changed |= redraw
         nulled = measured.valid if read is None else measured.valid & ~read
         square, share, covered = node_figures(
             residual.d, nulled, measured.valid, self.rest.visible, measured.flags
         )
         rms_px = float(np.sqrt(square))
-        if self._panel_blur is not None:
-            self._panel_blur.learn(observation.shown.q, self.rest.q, residual, measured.valid, rms_px)
+        self._unlearned = observation.shown.q, self.rest.q, residual, measured.valid, rms_px
         seen = residual, measured, rms_px, share, covered
         burst = self.burst
         coded = (False, False) if burst is None else (burst.blinding, burst.unread)
         return FrameResult(changed, refusal, observation, *seen, order, *coded)
+
+    def settle(self) -> None:
+        """Learn from the last frame what only later ones need: best once its command was given away."""
+        learnt, self._unlearned = self._unlearned, None
+        if learnt is not None and self._panel_blur is not None:
+            self._panel_blur.learn(*learnt)
 
     def _carrier_order(
         self, observation: Observation, residual: Residual, known: Known, frozen: bool

@@ -7,6 +7,7 @@ coded pictures would show nothing there either.
 from __future__ import annotations
 
 import cv2
+import numba
 import numpy as np
 
 from zeromethod.arrays import Bytes, Flags, Float, Mask, Single
@@ -42,8 +43,8 @@ REACH_NODES = 3
 GROWS_SHARE = 0.1
 """Share of the nodes that failed for the first time since the mirror is at rest from which more will."""
 
-_CANNOT = np.uint16(Flag.MODULATION | Flag.LIGHT_LOST | Flag.FOLDED | Flag.UNDRAWABLE | Flag.AMBIGUOUS)
-_FOR_NOW, _LIGHT_LOST = np.uint16(Flag.MIXED | Flag.CODED), np.uint16(Flag.LIGHT_LOST)
+_CANNOT = int(Flag.MODULATION | Flag.LIGHT_LOST | Flag.FOLDED | Flag.UNDRAWABLE | Flag.AMBIGUOUS)
+_FOR_NOW, _LIGHT_LOST = int(Flag.MIXED | Flag.CODED), np.uint16(Flag.LIGHT_LOST)
 _OFF_DISPLAY = np.uint16(Flag.OFF_DISPLAY)
 _FAR = np.float32(1e6)
 
@@ -63,6 +64,7 @@ class FailingNodes:
         self._flat: Bytes = np.zeros(rest.q.shape[:2], np.uint8)
         self._never: Mask = np.zeros_like(rest.visible)
         self._before: Mask = np.zeros_like(rest.visible)
+        self._remembers = False
 
     @property
     def lasting(self) -> Mask:
@@ -77,8 +79,9 @@ class FailingNodes:
 
     def forget(self) -> None:
         """Begin again: what fails while the mirror moves is seen again when it rests."""
-        self._left[:] = 0
-        self._before[:] = False
+        if self._remembers:
+            self._left[:] = 0
+            self._before[:] = self._remembers = False
 
     def look(self, residual: Residual, measured: Warp, thought: Float) -> Mask | None:
         """Remember the nodes (rows, cols) that fail in a frame, and return them; None for none.
@@ -89,6 +92,7 @@ class FailingNodes:
         if failing is None:
             self.forget()
             return None
+        self._remembers = True
         dirty = failing & self._lie_flat(failing | (self._left > 0), measured)
         failing &= ~dirty
         self._flat += dirty
@@ -104,9 +108,10 @@ class FailingNodes:
     def _fail(self, residual: Residual, flags: Flags, thought: Float) -> Mask | None:
         """(rows, cols) nodes that cannot be nulled, in patches that have light everywhere; None for none."""
         rest, grid = self._rest, self._rest.grid
-        failing: Mask = ((flags & _CANNOT) != 0) & ((flags & _FOR_NOW) == 0)
-        failing &= rest.visible & ~self._never
-        if self._light is None or not (failing.any() or self._left.any()):
+        if self._light is None:
+            return None
+        failing: Mask = np.empty_like(self._never)
+        if not (_cannot(flags, rest.visible, self._never, failing) or self._left.any()):
             return None
         there = warp_flags(
             thought,
@@ -138,6 +143,18 @@ class FailingNodes:
         count, patches = cv2.connectedComponents(cv2.dilate(nodes.view(np.uint8), side))
         curved = np.bincount(patches[nodes & ((bent < 0) | (bent >= BENT_LCD_PX))], minlength=count) > 0
         return np.asarray(nodes & ~curved[patches])
+
+
+@numba.njit(cache=True)
+def _cannot(flags: Flags, visible: Mask, never: Mask, out: Mask) -> bool:
+    """Nodes that cannot be nulled, of those that are visible and not never to be, in `out`; whether any."""
+    cannot, for_now, none, count = np.uint16(_CANNOT), np.uint16(_FOR_NOW), np.uint16(0), 0
+    for j in range(flags.shape[0]):
+        for i in range(flags.shape[1]):
+            fails = (flags[j, i] & cannot != none) & (flags[j, i] & for_now == none)
+            out[j, i] = fails & visible[j, i] & (not never[j, i])
+            count += out[j, i]
+    return count > 0
 
 
 def grown(nodes: Mask, by: int) -> Mask:

@@ -71,12 +71,18 @@ class LightHold:
 def _near_dark(flags: Flags, near: Bytes) -> bool:
     """Nodes to the next dark one in `near`, 1 for itself, 0 beyond `REACH_NODES`; whether there is any."""
     rows, cols = flags.shape
+    lost, both = np.uint16(_LIGHT_LOST), np.uint16(_LIGHT_LOST | _NEVER)
     found = False
     near[:] = 0
     for j in range(rows):
+        dark = 0
         for i in range(cols):
-            if flags[j, i] & _LIGHT_LOST and not flags[j, i] & _NEVER:
-                found = True
+            dark += flags[j, i] & both == lost
+        if dark == 0:
+            continue
+        found = True
+        for i in range(cols):
+            if flags[j, i] & both == lost:
                 for b in range(max(j - REACH_NODES, 0), min(j + REACH_NODES + 1, rows)):
                     for a in range(max(i - REACH_NODES, 0), min(i + REACH_NODES + 1, cols)):
                         away = max(abs(b - j), abs(a - i)) + 1
@@ -106,21 +112,33 @@ def _flag(left: Bytes, flags: Flags) -> None:
 
 @numba.njit(cache=True)
 def _with_edge(sigma_px: Float, near: Bytes, edge_px: Float, out: Float) -> None:
+    out[:] = sigma_px
     for j in range(near.shape[0]):
         for i in range(near.shape[1]):
-            edge = edge_px[near[j, i] - 1] if near[j, i] > 1 else 0.0
-            for k in range(2):
-                out[j, i, k] = math.hypot(sigma_px[j, i, k], edge)
+            if near[j, i] > 1:
+                for k in range(2):
+                    out[j, i, k] = math.hypot(sigma_px[j, i, k], edge_px[near[j, i] - 1])
+
+
+@numba.njit(cache=True)
+def _pass(left: Bytes, back: Bytes) -> None:
+    """One frame more for nodes (n,) that do not fail."""
+    for n in range(left.size):
+        back[n] = min(back[n] + 1, FRAMES + 1)
+        left[n] = max(left[n], 1) - 1
 
 
 @numba.njit(cache=True)
 def _learn(left: Bytes, back: Bytes, dark_for: Bytes, flags: Flags, near: Bytes) -> None:
     """left: frames that a node stays lost. back: frames since it came back, 0 while it fails."""
+    lost, both = np.uint16(_LIGHT_LOST), np.uint16(_LIGHT_LOST | _NEVER)
     for j in range(flags.shape[0]):
         for i in range(flags.shape[1]):
-            dark = flags[j, i] & _LIGHT_LOST and not flags[j, i] & _NEVER
-            dark_for[j, i] = min(dark_for[j, i] + 1, STAYS_FRAMES) if dark else 0
+            dark_for[j, i] = min(dark_for[j, i] + 1, STAYS_FRAMES) if flags[j, i] & both == lost else 0
     for j in range(flags.shape[0]):
+        if near[j].max() == 0:
+            _pass(left[j], back[j])
+            continue
         for i in range(flags.shape[1]):
             failed = flags[j, i] & ~_BESIDE_DARK and not flags[j, i] & _NEVER
             if failed and near[j, i] and _lasts(dark_for, j, i):
@@ -128,6 +146,4 @@ def _learn(left: Bytes, back: Bytes, dark_for: Bytes, flags: Flags, near: Bytes)
                     left[j, i] = FRAMES
                 back[j, i] = 0
             else:
-                back[j, i] = min(back[j, i] + 1, FRAMES + 1)
-                if left[j, i]:
-                    left[j, i] -= 1
+                _pass(left[j, i : i + 1], back[j, i : i + 1])

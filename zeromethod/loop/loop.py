@@ -252,8 +252,7 @@ class Loop:
     def _with_frame(self, frame: Frame) -> Step:
         started = time.perf_counter()
         frame = self._check.timed(frame)
-        now_ns = self._clock.now_ns()
-        frozen = self._frozen or self.paused
+        now_ns, frozen = self._clock.now_ns(), self._frozen or self.paused
         verdict = self._check.look_at(frame, now_ns, self._watch.stale)
         result = FrameResult() if verdict.refusal else self._circle.take(own(frame), frozen)
         loop_ms = 1e3 * (time.perf_counter() - started)
@@ -261,6 +260,7 @@ class Loop:
         if result.refusal is not None:
             events, refusal = (*events, result.refusal), Notice.refusal(result.refusal)
         trouble = self._show(result, refusal, frozen, now_ns)  # before it is judged, which takes longer
+        self._circle.settle()
         events += self._judged(frame, result)
         if result.coded:
             events += (Event.BURST,)

@@ -23,6 +23,8 @@ from zeromethod.sensing.residual import Residual
 APART_NODES = 3
 """Way to the nodes that it is held against: windows reach two nodes."""
 
+_BEYOND = 2 * APART_NODES
+
 FRAMES = 16
 """Frames at rest whose mean light is the light at rest."""
 
@@ -37,7 +39,8 @@ class LostLight:
         self._px_per_rad = period_px / (2 * math.pi)
         self._black = black_grey
         self._frames = 0
-        self._rest, self._light = np.zeros((2, *shape), np.float32)
+        self._rest = np.zeros(shape, np.float32)
+        self._light = np.zeros([n + 2 * _BEYOND for n in shape], np.float32)
 
     def learn(self, residual: Residual) -> None:
         """Take in the light of a residual at rest; 0 where a node was not measured."""
@@ -58,45 +61,45 @@ class LostLight:
 
 @numba.njit(cache=True, error_model="numpy")
 def _over_rest(mean: Single, flags: Flags, rest: Single, black: float, out: Single) -> None:
-    """Light of nodes over that at rest, (rows, cols); 0 where it is not known."""
+    """Light of nodes over that at rest, (rows, cols) with `_BEYOND` more on each side; 0 where not known."""
     dark, none = np.float32(black), np.float32(0)
     for j in range(mean.shape[0]):
+        to = out[j + _BEYOND, _BEYOND:]
         for i in range(mean.shape[1]):
             known = (flags[j, i] == 0) & (rest[j, i] > none)
-            out[j, i] = (mean[j, i] - dark) / rest[j, i] if known else none
+            to[i] = (mean[j, i] - dark) / rest[j, i] if known else none
 
 
 @numba.njit(cache=True)
-def _expected(light: Single, j: int, i: int, y: int, x: int) -> tuple[float, float]:
-    """Light over that at rest by nodes (y, x) away to both sides, and its variance over one's.
+def _lacking(before2: Single, before: Single, now: Single, after: Single, after2: Single, out: Float) -> None:
+    """Light over that at rest that nodes lack (0, n), by nodes to both sides, and its variance over one's.
 
-    On a straight line between two, or through two on one side; 0 where they are not known.
+    That of one and of those on a straight line between two, or through two on one side; 0 where they are not
+    known. Arguments: of the nodes there, (n,) each, 0 where not known; lines, for the compiler to vectorise.
     """
-    rows, cols = light.shape
-    before = light[j - y, i - x] if j >= y and i >= x else 0.0
-    after = light[j + y, i + x] if j + y < rows and i + x < cols else 0.0
-    if before > 0.0 and after > 0.0:
-        return 0.5 * (before + after), 0.5
-    side = 1 if after > 0.0 else -1
-    b, a = j + 2 * side * y, i + 2 * side * x
-    further = light[b, a] if 0 <= b < rows and 0 <= a < cols else 0.0
-    known = before + after > 0.0 and further > 0.0
-    return (2.0 * (before + after) - further, 5.0) if known else (0.0, 0.0)
+    lack, variance = out[0], out[1]
+    for i in range(lack.size):
+        b, a = float(before[i]), float(after[i])
+        both, near, further = (b > 0.0) & (a > 0.0), b + a, after2[i] if a > 0.0 else before2[i]
+        onward = 2.0 * near - further if (near > 0.0) & (further > 0.0) else 0.0
+        lack[i] = max((0.5 * near if both else onward) - now[i], 0.0)
+        variance[i] = 1.5 if both else 6.0
+
+
+@numba.njit(cache=True)
+def _noise2(modulation: Single, sigma: Float, cut2: float, out: Float) -> None:
+    """Variance of the light of nodes (n,), so many times: of the carrier with less noise."""
+    for i in range(out.size):
+        out[i] = cut2 * min(modulation[i, 0] * sigma[i, 0], modulation[i, 1] * sigma[i, 1]) ** 2
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _suspects(
-    light: Single, rest: Single, modulation: Single, sigma: Float, cut: float, j: int, out: Mask
-) -> None:
-    """Nodes of a row, away from the lattice's edge, that lack light or have a neighbour without any."""
-    by, none, half, times = APART_NODES, np.float32(0), np.float32(0.5), np.float32(cut)
-    above, row, below = light[j - by], light[j], light[j + by]
-    for i in range(by, light.shape[1] - by):
-        down, across = half * (above[i] + below[i]), half * (row[i - by] + row[i + by])
-        lack = rest[j, i] * (max(down, across) - row[i])
-        noise = min(modulation[j, i, 0] * sigma[j, i, 0], modulation[j, i, 1] * sigma[j, i, 1])
-        alone = min(above[i], below[i], row[i - by], row[i + by]) == none
-        out[i] = (row[i] > none) & (alone | (lack > times * noise))
+def _suspects(now: Single, rest: Single, down: Float, across: Float, noise2: Float, out: Mask) -> None:
+    """Nodes (n,) that lack more light than noise takes. down, across: as `_lacking` has them."""
+    lack_down, noise_down, lack_across, noise_across = down[0], down[1], across[0], across[1]
+    for i in range(out.size):
+        lack2 = max(lack_down[i] ** 2 / noise_down[i], lack_across[i] ** 2 / noise_across[i])
+        out[i] = (now[i] > 0.0) & (rest[i] * rest[i] * lack2 > noise2[i])
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -116,21 +119,25 @@ def _open(
     The noise of a node's light would by itself move its phase, by that rule, by one sigma. light: work space.
     """
     _over_rest(mean, flags, rest, black, light)
-    rows, cols = light.shape
-    suspects = np.zeros(cols, np.bool_)
-    cut = math.sqrt(0.75 * nothing) / px_per_rad
-    for j in range(APART_NODES, rows - APART_NODES):
-        _suspects(light, rest, modulation, sigma, cut, j, suspects)
-        for i in range(APART_NODES, cols - APART_NODES):
+    rows, cols = mean.shape
+    down, across = np.empty((2, cols)), np.empty((2, cols))
+    noise2, suspects = np.empty(cols), np.empty(cols, np.bool_)
+    by, at = APART_NODES, _BEYOND
+    cut2 = 0.499 * nothing / px_per_rad**2  # but for rounding what is added below
+    for j in range(by, rows - by):
+        row, above, below = light[at + j], light[at + j - by], light[at + j + by]
+        now = row[at:]
+        _lacking(light[j, at:], above[at:], now, below[at:], light[j + 2 * at, at:], down)
+        _lacking(row, row[at - by :], now, row[at + by :], row[2 * at :], across)
+        _noise2(modulation[j], sigma[j], cut2, noise2)
+        _suspects(now, rest[j], down, across, noise2, suspects)
+        for i in range(by, cols - by):
             if not suspects[i]:
                 continue
-            now = light[j, i]
-            down, noise_down = _expected(light, j, i, APART_NODES, 0)
-            across, noise_across = _expected(light, j, i, 0, APART_NODES)
             for k in range(2):
                 own2 = sigma[j, i, k] ** 2
                 per_light2 = 2.0 * (px_per_rad * rest[j, i] / modulation[j, i, k]) ** 2
-                by_down = per_light2 * max(down - now, 0.0) ** 2 - nothing * (1.0 + noise_down) * own2
-                by_across = per_light2 * max(across - now, 0.0) ** 2 - nothing * (1.0 + noise_across) * own2
+                by_down = per_light2 * down[0, i] ** 2 - nothing * down[1, i] * own2
+                by_across = per_light2 * across[0, i] ** 2 - nothing * across[1, i] * own2
                 if by_down > 0.0 or by_across > 0.0:
                     sigma[j, i, k] = math.sqrt(own2 + max(by_down, by_across))

@@ -62,23 +62,34 @@ def _blank(q: Float, flags: Flags) -> None:
 
 
 @numba.njit(cache=True)
+def _errors(above: Float, row: Float, below: Float, per: Float, su: Float, sv: Float, out: Float) -> None:
+    """Sigma of a row, both components in turn (n,), so that the compiler vectorises it.
+
+    row: (n + 4,) with a node more at either end. per: over a node difference, along and across. su, sv: (n,).
+    """
+    along, across = per[0], per[1]
+    for n in range(out.size):
+        a, b = along * (row[n + 4] - row[n]) * su[n], across * (below[n] - above[n]) * sv[n]
+        error = math.sqrt(a * a + b * b)
+        out[n] = error if math.isfinite(su[n] + sv[n]) else math.inf
+
+
+@numba.njit(cache=True)
 def _propagate(shown: Float, sigma_px: Float, inverse_spacing: float, sigma: Float) -> None:
     """sigma_i^2 = sum_j (dq_i/du_j sigma_j)^2, central differences (one-sided at the grid's edge)."""
-    rows, cols = shown.shape[0], shown.shape[1]
+    rows, width = shown.shape[0], 2 * shown.shape[1]
+    row, su, sv, per = np.empty(width + 4), np.empty(width), np.empty(width), np.empty(2)
     for j in range(rows):
         j0, j1 = max(j - 1, 0), min(j + 1, rows - 1)
-        dv = inverse_spacing / (j1 - j0)
-        for i in range(cols):
-            i0, i1 = max(i - 1, 0), min(i + 1, cols - 1)
-            du = inverse_spacing / (i1 - i0)
-            su, sv = sigma_px[j, i, 0], sigma_px[j, i, 1]
-            if not (math.isfinite(su) and math.isfinite(sv)):
-                sigma[j, i, 0] = sigma[j, i, 1] = math.inf
-                continue
-            for k in range(2):
-                a = du * (shown[j, i1, k] - shown[j, i0, k]) * su
-                b = dv * (shown[j1, i, k] - shown[j0, i, k]) * sv
-                sigma[j, i, k] = math.sqrt(a * a + b * b)
+        per[0], per[1] = 0.5 * inverse_spacing, inverse_spacing / (j1 - j0)
+        row[2 : width + 2] = shown[j].reshape(width)
+        for k in range(2):  # straight on beyond the edge
+            row[k], row[width + 2 + k] = 2 * row[2 + k] - row[4 + k], 2 * row[width + k] - row[width - 2 + k]
+        for n in range(0, width, 2):
+            su[n] = su[n + 1] = sigma_px[j, n // 2, 0]
+            sv[n] = sv[n + 1] = sigma_px[j, n // 2, 1]
+        above, below = shown[j0].reshape(width), shown[j1].reshape(width)
+        _errors(above, row, below, per, su, sv, sigma[j].reshape(width))
 
 
 @numba.njit(cache=True)
@@ -103,20 +114,17 @@ def _expected(shown: Float, known: Float, trusted: Mask, inverse_spacing: float,
 
 
 @numba.njit(cache=True)
-def _changes(d: Float, expected: Float, flags: Flags, seen: Mask) -> tuple[float, int]:
-    """(largest |d - expected| over valid nodes, how many nodes seen at rest are not valid)."""
+def _change(d: Float, expected: Float, flags: Flags) -> float:
+    """Largest |d - expected| over valid nodes; NaN, no expectation, counts for nothing."""
     largest = 0.0
-    missing = 0
     for j in range(flags.shape[0]):
         for i in range(flags.shape[1]):
             if flags[j, i] == 0:
                 for k in range(2):
                     change = abs(d[j, i, k] - expected[j, i, k])
-                    if change > largest:  # noqa: PLR1730 - max() would let NaN (no expectation) through
+                    if change > largest:  # noqa: PLR1730 - max() would let NaN through
                         largest = change
-            else:
-                missing += seen[j, i]
-    return largest, missing
+    return largest
 
 
 def expect(observation: Observation, known_q: Float, trusted: Mask, rest: Rest) -> Known:
@@ -195,9 +203,8 @@ def measure_warp(
     if observation.mixture is not None:
         flags[observation.mixture.mixed] |= _MIXED
     sigma_px = residual.sigma if hold is None else hold.flag(flags, residual.sigma)
-    change, missing = _changes(residual.d, known.residual_px, flags, rest.visible)
-    if missing:
-        sudden = change > SUDDEN_PERIODS * grid.period_px
+    if (rest.visible & (flags != 0)).any():
+        sudden = _change(residual.d, known.residual_px, flags) > SUDDEN_PERIODS * grid.period_px
         doubt = order_in_doubt(flags == 0, np.zeros_like(known.trusted) if sudden else known.trusted)
         if doubt is not None:
             flags[doubt] |= _AMBIGUOUS

@@ -28,6 +28,7 @@ from zeromethod.arrays import Float, Mask, Single
 from zeromethod.rig.model import Rig
 from zeromethod.sensing.residual import Residual
 from zeromethod.warp.grid import NodeGrid
+from zeromethod.warp.lines import split
 
 REACH = 6
 """Nodes over which second differences are taken: the windows do not overlap, and dents are as wide."""
@@ -150,35 +151,49 @@ def _gradients(q: Float, j: int, i: int, half: float, diagonal: bool) -> tuple[f
     return uu, vv
 
 
-@numba.njit(cache=True, fastmath={"contract", "reassoc", "arcp"})
+_FAST = {"contract", "reassoc", "arcp"}
+
+
+@numba.njit(cache=True, fastmath=_FAST)
+def _hidden(x: Float, y: Float, variance: float, k2: float, lens: float, out: Float) -> None:
+    """What is hidden of a row of nodes, its two components apart (2, cols).
+
+    x, y: (3, cols) both components of the row before, the row itself and the one after, so that the compiler
+    vectorises it; all else as in `_add_hidden`.
+    """
+    xa, xh, xb, ya, yh, yb, along_x, along_y = x[0], x[1], x[2], y[0], y[1], y[2], out[0], out[1]
+    for i in range(1, xh.size - 1):
+        xu, yu = 0.5 * (xh[i + 1] - xh[i - 1]), 0.5 * (yh[i + 1] - yh[i - 1])
+        xv, yv = 0.5 * (xb[i] - xa[i]), 0.5 * (yb[i] - ya[i])
+        area = xu * yv - xv * yu
+        inverse = area / max(area * area, 1e-9)
+        scale = variance * inverse * inverse
+        # C = s^2 J^-1 J^-T, and q'' halved, both in nodes
+        uu, vv, uv = scale * (yv * yv + xv * xv), scale * (yu * yu + xu * xu), -scale * (yv * yu + xv * xu)
+        xuu, yuu = 0.5 * (xh[i + 1] + xh[i - 1]) - xh[i], 0.5 * (yh[i + 1] + yh[i - 1]) - yh[i]
+        xvv, yvv = 0.5 * (xb[i] + xa[i]) - xh[i], 0.5 * (yb[i] + ya[i]) - yh[i]
+        xuv = 0.25 * (xb[i + 1] - xb[i - 1] - xa[i + 1] + xa[i - 1])
+        yuv = 0.25 * (yb[i + 1] - yb[i - 1] - ya[i + 1] + ya[i - 1])
+        ku, kv = 1 - lens - k2 * uu, 1 - lens - k2 * vv
+        a, b, c = uu * (ku - lens), uv * ku, vv - k2 * uv * uv
+        p, q = a * xuu + b * xuv + c * xvv, a * yuu + b * yuv + c * yvv
+        along_u = inverse * (yv * p - xv * q)
+        a, b, c = uu - k2 * uv * uv, uv * kv, vv * (kv - lens)
+        p, q = a * xuu + b * xuv + c * xvv, a * yuu + b * yuv + c * yvv
+        along_v = inverse * (xu * q - yu * p)
+        along_x[i], along_y[i] = xu * along_u + xv * along_v, yu * along_u + yv * along_v
+
+
+@numba.njit(cache=True, fastmath=_FAST)
 def _add_hidden(shown: Float, variance: float, k2: float, lens: float, q: Float) -> None:
     """k2: of the carriers, rad^2 per node^2; 0 for a target without. lens: k^2 l^2."""
     rows, cols = shown.shape[0], shown.shape[1]
+    x, y, hidden = np.empty((3, cols)), np.empty((3, cols)), np.empty((2, cols))
     for j in range(1, rows - 1):
-        above, here, below = shown[j - 1], shown[j], shown[j + 1]
+        for k in range(3):
+            split(shown[j - 1 + k], x[k], y[k])
+        _hidden(x, y, variance, k2, lens, hidden)
+        row = q[j]
         for i in range(1, cols - 1):
-            xu, yu = 0.5 * (here[i + 1, 0] - here[i - 1, 0]), 0.5 * (here[i + 1, 1] - here[i - 1, 1])
-            xv, yv = 0.5 * (below[i, 0] - above[i, 0]), 0.5 * (below[i, 1] - above[i, 1])
-            area = xu * yv - xv * yu
-            inverse = area / max(area * area, 1e-9)
-            scale = variance * inverse * inverse
-            # C = s^2 J^-1 J^-T, and q'' halved, both in nodes
-            uu, vv, uv = (
-                scale * (yv * yv + xv * xv),
-                scale * (yu * yu + xu * xu),
-                -scale * (yv * yu + xv * xu),
-            )
-            xuu, yuu = 0.5 * (here[i + 1, 0] + here[i - 1, 0]), 0.5 * (here[i + 1, 1] + here[i - 1, 1])
-            xvv, yvv = 0.5 * (below[i, 0] + above[i, 0]), 0.5 * (below[i, 1] + above[i, 1])
-            xuu, yuu, xvv, yvv = xuu - here[i, 0], yuu - here[i, 1], xvv - here[i, 0], yvv - here[i, 1]
-            xuv = 0.25 * (below[i + 1, 0] - below[i - 1, 0] - above[i + 1, 0] + above[i - 1, 0])
-            yuv = 0.25 * (below[i + 1, 1] - below[i - 1, 1] - above[i + 1, 1] + above[i - 1, 1])
-            ku, kv = 1 - lens - k2 * uu, 1 - lens - k2 * vv
-            a, b, c = uu * (ku - lens), uv * ku, vv - k2 * uv * uv
-            x, y = a * xuu + b * xuv + c * xvv, a * yuu + b * yuv + c * yvv
-            along_u = inverse * (yv * x - xv * y)
-            a, b, c = uu - k2 * uv * uv, uv * kv, vv * (kv - lens)
-            x, y = a * xuu + b * xuv + c * xvv, a * yuu + b * yuv + c * yvv
-            along_v = inverse * (xu * y - yu * x)
-            q[j, i, 0] += xu * along_u + xv * along_v
-            q[j, i, 1] += yu * along_u + yv * along_v
+            row[i, 0] += hidden[0, i]
+            row[i, 1] += hidden[1, i]

@@ -18,6 +18,8 @@ from zeromethod.surface.anchor import MOST_CHOICES, Border, Quiet, RestFit, fit_
 from zeromethod.surface.far_field import BodyOnNodes, FarField, fit_far_field
 from zeromethod.surface.node_passes import dot, step_of
 from zeromethod.surface.roughness import roughness
+from zeromethod.surface.weak_dents import weak_far_field
+from zeromethod.warp.overlap import shared_nodes
 
 _AGAIN_MM = 1e-4
 """Step of the constant above which it is found again: what is found depends on it by less than 1 in 2000."""
@@ -83,6 +85,13 @@ class Anchors:
         fields = (read.slope, variance, read.depth, self.scale, self._gradient, x, y, read.island)
         return fit_far_field(*fields, nodes.weights, nodes.sigma_mm, nodes.hidden_mm, self._body)
 
+    def weak_far_field(self, nodes: RestFit, read: Pass, contained_mm: float) -> tuple[float, float]:
+        """Far field of what noise hides, and its sigma, mm, where no slopes are more than noise."""
+        x, y = read.point[..., 0], read.point[..., 1]
+        slopes = read.slope, self._gradient, contained_mm, read.variance, read.island
+        shared = shared_nodes(self._correlation)
+        return weak_far_field(nodes.weights, self.scale, *slopes, x, y, shared)
+
 
 class Anchoring:
     """The anchor of one reading; `fit` once it is chosen, `fixed` once no pass changes it any more."""
@@ -115,6 +124,9 @@ class Anchoring:
         if chosen.hidden_mm > 0.0:
             found = self._anchors.far_field(chosen, read)
             fit = replace(chosen, far_field_mm=at_mm - found.constant_mm, sigma_mm=found.sigma_mm)
+        elif chosen.mode == "quiet":
+            far_mm, sigma_mm = self._anchors.weak_far_field(chosen, read, at_mm)
+            fit = replace(chosen, far_field_mm=far_mm, sigma_mm=sigma_mm)
         step_mm = fit.far_field_mm - at_mm
         self.fixed = abs(step_mm) < _AGAIN_MM or self._fits == _MOST_FITS
         self.fit = fit

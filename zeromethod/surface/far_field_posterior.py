@@ -45,7 +45,7 @@ fitted; the laws that a layer's dent is taken for."""
 _EXPLAINED = 2.5
 """Logarithm of likelihood by which a law is wrong from which a second dent is tried."""
 
-_ROUGHLY2, _LEAST_WRONG2 = 1e-2, 1e-4
+_ROUGHLY2, _LEAST_WRONG2, _MOST_WRONG2 = 1e-2, 1e-4, 0.25
 """Square of a law's error for dents to start from: in all slopes, and least in what is left of them."""
 
 _MOVED_COST = 9.0
@@ -86,8 +86,9 @@ def posterior(
     start: numbers (7,) of a dent to start from. range_mm: of depth read; diagonal_mm: of the view.
     """
     limits, members = _limits(nodes, range_mm, diagonal_mm), np.full((_MEMBERS, COLUMNS), np.inf)
-    one, best = start.copy(), 0
-    alone = start.copy()
+    of_load = 1 if known.body.most_law == POINT else 4
+    one, best = _begun(start, nodes, quiet, known, limits, members[2], members[of_load]), 0
+    alone = one.copy()
     for turn in range(2):
         first = 5 * turn
         fit(one, ONE_LAW, _PASSES, nodes, quiet, known, limits, members[best, UNLIKELY], members[first])
@@ -97,7 +98,7 @@ def posterior(
         for k, law in ((1, known.body.most_law), (2, 0.0), (3, LAYER), (4, POINT)):
             if k == 4 and law == known.body.most_law:
                 continue
-            if turn == 0 and not _possible(members[0], one[LAW], law):
+            if turn == 0 and (members[k, WRONG] < _SURE or not _possible(members[0], one[LAW], law)):
                 continue
             same = _same_scale(alone if members[best, WRONG] < _UNFIT else one, law)
             fit(
@@ -123,6 +124,28 @@ def posterior(
             _fit_own(alone, two, nodes, quiet, known, limits, diagonal_mm, members[_OWN:-1])
     _fit_tilted(start, nodes, quiet, known, limits, members[:, UNLIKELY].min(), members[-1])
     return _together(members, known.rest_mm, _RANGES * range_mm)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _begun(
+    start: Float, nodes: Nodes, quiet: Nodes, known: Known, limits: Float, gaussian: Float, point: Float
+) -> Float:
+    """Numbers of a dent fitted with the likelier of two laws held, from which a fit of its law ends sooner.
+
+    gaussian, point: members of these laws; the likelier is filled in, and the other one if that is off.
+    """
+    none, least = np.ones((2, len(nodes.x))), np.inf
+    two = np.stack((_same_scale(start, 0.0), _same_scale(start, POINT)))
+    off = [equations(each, SET_LAWS, nodes, quiet, known, _MOST_WRONG2, none).misfit for each in two]
+    found: Float = two[0]
+    for k in (0, 1) if off[0] < off[1] else (1, 0):
+        member = point if k else gaussian
+        fit(two[k], SET_LAWS, _PASSES, nodes, quiet, known, limits, least, member)
+        if member[UNLIKELY] < least:
+            least, found = member[UNLIKELY], two[k]
+        if member[WRONG] < _SURE:
+            break
+    return found
 
 
 @numba.njit(cache=True, error_model="numpy")

@@ -13,7 +13,7 @@ from zeromethod.arrays import Float, Mask
 from zeromethod.surface.integrate import SlopeIntegrator, fill_in, share_changed
 from zeromethod.surface.node_variance import variance_of_noise
 from zeromethod.surface.noise_growth import grown_by, known_sums
-from zeromethod.surface.samples import A_FEW, AT_FIRST, Samples
+from zeromethod.surface.samples import A_FEW, AT_FIRST, SELDOM, Samples
 
 _KEEP_SHARE, _KEEP_BACK, _KEEP_CHANGED = 0.02, 0.005, 0.05
 _KEEP_FACTOR = 2.0
@@ -139,6 +139,7 @@ class _Map:
         self._both, self._known = island, known_sums(island)
         self._sampled = self._variance = np.zeros(island.shape)
         self._shift: Float | float = 0.0
+        self._readings = 0
 
     @property
     def sampled(self) -> bool:
@@ -174,8 +175,12 @@ class _Map:
         if samples is None:
             return
         made, before = self._variance.any(), samples.stage
-        if at_once or made or self.off is None or self._guesses >= _MOST_GUESSES:
-            samples.take(None if at_once else A_FEW[before] if made else AT_FIRST)
+        self._readings += 1
+        if at_once or not made:
+            if at_once or self.off is None or self._guesses >= _MOST_GUESSES:
+                samples.take(None if at_once else AT_FIRST)
+        elif before == 0 or self._readings % SELDOM == 0:
+            samples.take(A_FEW if before == 0 else 1)
         if not made or samples.stage > before:
             self._sampled = samples.variance()
             self.off = samples.off
@@ -219,12 +224,11 @@ class DepthNoise:
     each other, the samples of a new mask or new weights are worked out one or two at a time: the first
     reading goes by the rough variance and by what that was off before (for another mask on the safe side,
     mostly 10 to 25 % more than sigma; for new weights alone within 3 % rms); after eight readings by how 16
-    nodes all over the view changed that; then the others, in 200 readings. Samples are kept while mask and
-    noise keep their shape,
-    and for a mask that comes back, as a dent hides nodes while it moves; a frame then costs a rescaling:
-    noise at distance r reaches depth with weight 1 / r (the gradient of Green's function in the plane), so
-    that every octave of r counts alike and what the noise has grown by is the mean of its means over boxes,
-    octave by octave, around node and anchor.
+    nodes all over the view changed that; then the others, in 600 readings. Samples are kept while mask and
+    noise keep their shape, and for a mask that comes back, as a dent hides nodes while it moves; a frame then
+    costs a rescaling: noise at distance r reaches depth with weight 1 / r (the gradient of Green's function
+    in the plane), so that every octave of r counts alike and what the noise has grown by is the mean of its
+    means over boxes, octave by octave, around node and anchor.
     """
 
     def __init__(self, integrator: SlopeIntegrator) -> None:

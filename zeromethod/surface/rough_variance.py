@@ -41,7 +41,10 @@ def _to_anchor(edges: Float, anchor: Float, out: Float) -> None:
     ground = _GROUND * edges[0].max()
     for k in range(count):
         i, j = 1 + k // cols, 1 + k % cols
-        band[k, wide] = edges[0, i, j] + ground
+        # not the diagonal, by whose rounding there may be no root
+        around = edges[1, i, j] + edges[1, i, j - 1] + edges[2, i, j] + edges[2, i - 1, j]
+        around += edges[3, i, j] + edges[3, i - 1, j - 1] + edges[4, i, j] + edges[4, i - 1, j + 1]
+        band[k, wide] = around + ground
         band[k, wide - 1] = -edges[1, i, j - 1]
         band[k, wide - cols] -= edges[2, i - 1, j]
         band[k, wide - cols - 1] = -edges[3, i - 1, j - 1]

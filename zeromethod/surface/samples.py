@@ -26,8 +26,9 @@ _SOME_AROUND = 5
 _BLURS, _OFF_BORDER = ((3, 3), (15, 15)), 3
 _RINGS, _ON_RING = 2, 16
 """Rings around holes, and samples on each."""
-AT_FIRST, A_FEW = 16, (2, 1, 1)
-"""Samples by which there is a map, and those worked out in one reading where a few will do, by the stage."""
+AT_FIRST, A_FEW, SELDOM = 16, 2, 3
+"""Samples by which there is a map; those worked out in one reading where a few will do, while the first stage
+lasts; and readings to each sample then."""
 _CAREFUL = 1.4
 """Variance by another mask's samples over what it most likely is: the rough one is off by up to 15 %."""
 _CHANGED = 0.1

@@ -60,10 +60,40 @@ def _unknown(row: Float) -> int:
 
 
 @numba.njit(cache=True, error_model="numpy")
+def _near(back: float, here: float, ahead: float) -> float:
+    """Difference per node by next neighbours, of the highest order that finite ones allow."""
+    central: float = 0.5 * (ahead - back)
+    if math.isfinite(central):
+        return central
+    forward: float = ahead - here
+    return forward if math.isfinite(forward) else here - back
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _at_edge(q: Float, j: int, first: int, last: int, out: Float) -> None:
+    """Derivatives (2, cols, 2) of nodes first to last - 1 of row j, wherever they lie."""
+    for i in range(first, last):
+        for k in range(2):
+            out[0, i, k], out[1, i, k] = _along(q, j, i, k, 0, 1), _along(q, j, i, k, 1, 0)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _mend(q: Float, j: int, first: int, last: int, out: Float) -> None:
+    """Replace derivatives (2, cols, 2) of nodes first to last - 1 of row j that are not finite."""
+    above, row, below = q[j - 1], q[j], q[j + 1]
+    for i in range(first, last):
+        for k in range(2):
+            if not math.isfinite(out[0, i, k]):
+                out[0, i, k] = _near(row[i - 1, k], row[i, k], row[i + 1, k])
+            if not math.isfinite(out[1, i, k]):
+                out[1, i, k] = _near(above[i, k], row[i, k], below[i, k])
+
+
+@numba.njit(cache=True, error_model="numpy")
 def _derivatives(q: Float, j: int, margin: int, out: Float) -> None:
     """d(x, y)/du and d(x, y)/dv per node, (2, cols, 2), of a row of nodes, but for a margin at its ends."""
     rows, cols = q.shape[0], q.shape[1]
-    first = last = margin
+    first = last = cols - margin
     if 2 <= j < rows - 2 and cols > 4:
         # rows as lines of numbers, without branches
         line, size = q[j].reshape(2 * cols), 2 * cols - 8
@@ -83,14 +113,18 @@ def _derivatives(q: Float, j: int, margin: int, out: Float) -> None:
             out[1].reshape(2 * cols),
         )
         first, last = max(2, margin), cols - max(2, margin)
-    all_known = _unknown(out[:, first:last]) == 0
-    for i in range(margin, cols - margin):
-        inside = first <= i < last
-        if inside and all_known:
-            continue
-        if not (inside and math.isfinite(out[0, i, 0] + out[0, i, 1] + out[1, i, 0] + out[1, i, 1])):
-            for k in range(2):
-                out[0, i, k], out[1, i, k] = _along(q, j, i, k, 0, 1), _along(q, j, i, k, 1, 0)
+    _at_edge(q, j, margin, first, out)
+    _at_edge(q, j, last, cols - margin, out)
+    # nodes that are not known are mostly those at the ends
+    a, b = first, last
+    while a < b and not math.isfinite(out[0, a, 0] + out[1, a, 0]):
+        a += 1
+    while a < b and not math.isfinite(out[0, b - 1, 0] + out[1, b - 1, 0]):
+        b -= 1
+    _mend(q, j, first, a, out)
+    _mend(q, j, b, last, out)
+    if _unknown(out[:, a:b]):
+        _mend(q, j, a, b, out)
 
 
 @numba.njit(cache=True, error_model="numpy")

@@ -4,10 +4,17 @@ from __future__ import annotations
 
 import enum
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
 from zeromethod.arrays import Flags, Float, Mask, Single
+
+
+@cache
+def _exact(shape: tuple[int, ...]) -> tuple[Float, Flags]:
+    """Sigma and flags of a warp of that shape that is known exactly, read-only."""
+    return np.broadcast_to(np.float64(0.0), shape), np.broadcast_to(np.uint16(0), shape[:-1])
 
 
 class Role(enum.StrEnum):
@@ -65,8 +72,7 @@ class Warp:
         Warp
             The warp.
         """
-        sigma = np.broadcast_to(np.float64(0.0), q.shape)
-        return cls(q, sigma, np.broadcast_to(np.uint16(0), q.shape[:-1]), time_ns, role)
+        return cls(q, *_exact(q.shape), time_ns, role)
 
     @property
     def valid(self) -> Mask:

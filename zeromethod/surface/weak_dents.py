@@ -1,0 +1,128 @@
+"""What dents too weak to be told from noise node by node may do to the anchor, and say of it; compiled.
+
+One dent a load makes on a deep elastic body, falling as 1 / r, of each of some places and sizes is held
+against all slopes at once: a sum over the view shows what no node does. Each is as likely as it makes the
+slopes, all together against no dent at all. A layer, or a prism that is held, lets a dent fall faster: the
+anchor is taken to lie half as deep as 1 / r has it, give or take as much.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+
+from zeromethod.arrays import Float, Mask
+
+_PLACES, _SIZES = (9, 7), (24.0, 12.0, 6.0)
+"""Places across and down the view, and its diagonal over sizes, of the dents that are tried."""
+
+_BLOCKS = 150
+"""Blocks of nodes whose slopes are summed up first, about: a dent is as steep all over one."""
+
+_ODDS = 0.005
+"""Likelihood of the dents, mean of all, that counts as much as that of none: few rests hide a press, and of
+depths that it may have noise leaves few."""
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _sums(
+    weights: Float,
+    scale: Float,
+    slope: Float,
+    gradient: Float,
+    contained_mm: float,
+    variance: Float,
+    island: Mask,
+    x_mm: Float,
+    y_mm: Float,
+    shared: float,
+) -> tuple[Float, Float]:
+    """Sums (10, n) over blocks, and over all of gradient times what is left and of its square.
+
+    Of each block: x, y, nodes; weights over scale; along x and y each: 1 / variance, the slope less what is
+    contained of the gradient over it, and the gradient over it.
+    """
+    rows, cols = island.shape
+    size = max(1, math.ceil(math.sqrt(rows * cols / _BLOCKS)))
+    across = -(-cols // size)
+    out, whole = np.zeros((10, -(-rows // size) * across)), np.zeros(2)
+    for i in range(rows):
+        for j in range(cols):
+            if not island[i, j]:
+                continue
+            block = i // size * across + j // size
+            out[0, block] += x_mm[i, j]
+            out[1, block] += y_mm[i, j]
+            out[2, block] += 1.0
+            out[3, block] += weights[i, j] / scale[i, j]
+            for axis in range(2):
+                per = 1.0 / (shared * variance[i, j, axis])
+                left = slope[i, j, axis] - contained_mm * gradient[i, j, axis]
+                out[4 + 3 * axis, block] += per
+                out[5 + 3 * axis, block] += per * left
+                out[6 + 3 * axis, block] += per * gradient[i, j, axis]
+                whole[0] += per * gradient[i, j, axis] * left
+                whole[1] += per * gradient[i, j, axis] ** 2
+    for k in range(out.shape[1]):
+        out[0, k] /= max(out[2, k], 1.0)
+        out[1, k] /= max(out[2, k], 1.0)
+    return out[:, out[2] > 0.0], whole
+
+
+@numba.njit(cache=True, error_model="numpy")
+def weak_far_field(
+    weights: Float,
+    scale: Float,
+    slope: Float,
+    gradient: Float,
+    contained_mm: float,
+    variance: Float,
+    island: Mask,
+    x_mm: Float,
+    y_mm: Float,
+    shared: float,
+) -> tuple[float, float]:
+    """Mean of depth / h, mm, that the anchor has by dents that noise hides, and its standard deviation.
+
+    weights: the anchor's (rows, cols); slope, gradient of h, variance: (rows, cols, 2), rad, 1/mm, rad^2.
+    contained_mm: multiple of h in the depth. shared: nodes that share a node's noise.
+    """
+    sums, whole = _sums(weights, scale, slope, gradient, contained_mm, variance, island, x_mm, y_mm, shared)
+    x, y, share = sums[0], sums[1], sums[3]
+    left, right, top, bottom = x.min(), x.max(), y.min(), y.max()
+    diagonal = math.hypot(right - left, bottom - top)
+    count = len(_SIZES) * _PLACES[0] * _PLACES[1]
+    gain, deep, open2 = np.zeros(count), np.zeros(count), np.zeros(count)
+    for one in range(count):
+        size2 = (diagonal / _SIZES[one // (_PLACES[0] * _PLACES[1])]) ** 2
+        at_x = left + (right - left) * (one % _PLACES[0]) / (_PLACES[0] - 1)
+        at_y = top + (bottom - top) * (one // _PLACES[0] % _PLACES[1]) / (_PLACES[1] - 1)
+        border = along = squares = crossed = 0.0
+        for k in range(len(x)):
+            to_x, to_y = x[k] - at_x, y[k] - at_y
+            shape = 1.0 / math.sqrt(1.0 + (to_x * to_x + to_y * to_y) / size2)
+            steep = -shape * shape * shape / size2
+            slope_x, slope_y = steep * to_x, steep * to_y
+            border += share[k] * shape
+            along += slope_x * sums[5, k] + slope_y * sums[8, k]
+            squares += slope_x * slope_x * sums[4, k] + slope_y * slope_y * sums[7, k]
+            crossed += slope_x * sums[6, k] + slope_y * sums[9, k]
+        # its own depth at the anchor is in the constant
+        along -= border * whole[0]
+        squares += border * (border * whole[1] - 2.0 * crossed)
+        if squares > 0.0:
+            gain[one] = 0.5 * along * along / squares
+            deep[one], open2[one] = border * along / squares, border * border / squares
+    largest = gain.max()
+    likely = np.exp(gain - largest)
+    # of a dent, against none
+    odds = _ODDS * likely.mean() * math.exp(min(largest, 600.0))
+    pressed = odds / (1.0 + odds)
+    likely /= likely.sum()
+    mean = float((likely * deep).sum())
+    spread2 = float((likely * (deep * deep + open2)).sum()) - mean * mean
+    found_mm = 0.5 * mean
+    variance2 = pressed * (spread2 + 0.25 * mean * mean) + pressed * (1.0 - pressed) * found_mm**2
+    return pressed * found_mm, math.sqrt(max(variance2, 0.0))
