@@ -277,5 +277,7 @@ def _age_ns(log: PresentationLog, index: Ints, weights: Float, time_ns: int) -> 
     seen = [log.source_ns(int(k)) for k in index]
     if None in seen:
         return None
-    ages = np.array([time_ns - one for one in seen if one is not None], dtype=np.float64)
-    return ages @ weights
+    ages: Float = sum(
+        float(time_ns - one) * row for one, row in zip(seen, weights, strict=True) if one is not None
+    )
+    return ages
