@@ -49,7 +49,8 @@ PERCENT, LEAST_N = 1.0, 0.002
 class Found:
     """One object: its true force, N, the mean of what is read in the last frames, and its scatter.
 
-    sigma_n: stated for one frame. sigmas: error of a frame over it, rms. adhesion_j_m2: of one that sticks.
+    sigma_n: stated for one frame. sigmas: error of a frame over it, rms. adhesion_j_m2: of one that sticks,
+    and its stated sigma.
     largest, whole: a ball's greatest pressure, and the sum of its pressure, over the true ones.
     """
 
@@ -61,6 +62,7 @@ class Found:
     sigma_n: float
     sigmas: float
     adhesion_j_m2: float | None = None
+    adhesion_sigma: float | None = None
     largest: float | None = None
     whole: float | None = None
 
@@ -153,9 +155,9 @@ def _found(case: str, one: dict[str, Any], steps: Sequence[Step], rig: Rig) -> F
         near = [pair for pair in near if pair[0] < 1.0 and np.isfinite(pair[1].force_n)]
         if near:
             contact = min(near, key=lambda pair: pair[0])[1]
-            work = work_of_adhesion(contact, one.get("radius_mm", BALL_MM), modulus)[0]
-            rows.append((contact.force_n, contact.sigma_force_n, work))
-    force, sigma, work = np.mean(rows, axis=0) if rows else (np.nan,) * 3
+            found = work_of_adhesion(contact, one.get("radius_mm", BALL_MM), modulus)
+            rows.append((contact.force_n, contact.sigma_force_n, *found))
+    force, sigma, *work = np.mean(rows, axis=0) if rows else (np.nan,) * 4
     scatter = float(np.std([row[0] for row in rows], ddof=1)) if len(rows) > 1 else np.nan
     z = [(row[0] - one["force_n"]) / row[1] for row in rows] or [np.nan]
     sticks = "adhesion_j_m2" in one
@@ -164,8 +166,8 @@ def _found(case: str, one: dict[str, Any], steps: Sequence[Step], rig: Rig) -> F
         largest, whole = _pressure(one, steps[-1], rig, modulus)
     return Found(
         case, one["shape"], one["force_n"], float(force) if len(rows) == len(steps) else None,
-        scatter, float(sigma), float(np.sqrt(np.mean(np.square(z)))), float(work) if sticks else None,
-        largest, whole,
+        scatter, float(sigma), float(np.sqrt(np.mean(np.square(z)))),
+        float(work[0]) if sticks else None, float(work[1]) if sticks else None, largest, whole,
     )  # fmt: skip
 
 
@@ -250,6 +252,12 @@ def _single(found: Sequence[Found]) -> list[Figure]:
     if works := [one.adhesion_j_m2 for one in found if one.adhesion_j_m2 is not None]:
         off = max(100 * abs(work / ADHESION_J_M2 - 1) for work in works)
         figures.append(Figure("work of adhesion, worst", f"{off:.0f} %", "15 %", off <= 15))
+        z = max(
+            abs(one.adhesion_j_m2 - ADHESION_J_M2) / one.adhesion_sigma
+            for one in found
+            if one.adhesion_j_m2 is not None and one.adhesion_sigma
+        )
+        figures.append(Figure("the same, in its sigmas", f"{z:.1f}", "2", z <= 2))
     # not of those whose rig file is wrong, or that are dragged
     balls = [one for one in found if one.case.startswith(("random", "side"))]
     for name, values, bar in (

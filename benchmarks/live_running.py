@@ -29,7 +29,7 @@ from benchmarks.memory_devices import (
 from benchmarks.process_use import spent_ms
 from benchmarks.rigs import changed
 from zeromethod.clock import Clock
-from zeromethod.contact import ContactFinder
+from zeromethod.contact import ContactFinder, ForceReader
 from zeromethod.loop.loop import Loop
 from zeromethod.loop.state import NULLED, READ
 from zeromethod.loop.step import Step
@@ -157,7 +157,10 @@ class Running:
                 self._processes["process: surfaces"] = process_id
             contacts = ContactFinder(rig, prepared.optics, loop.grid)
             self._reading = StepReader(
-                _reading(surfaces, contacts), publisher, live=True, begin=_beginning(surfaces, prepared)
+                _reading(surfaces, contacts, ForceReader(rig)),
+                publisher,
+                live=True,
+                begin=_beginning(surfaces, prepared),
             )
             self._stack.callback(self._reading.close)
         if variant.records:
@@ -254,8 +257,8 @@ def _beginning(surfaces: Surfaces, prepared: Prepared) -> Callable[[Step], None]
     return begin
 
 
-def _reading(surfaces: Surfaces, contacts: ContactFinder) -> Callable[[Step], Step]:
-    """Reads surface and contacts, as a session does."""
+def _reading(surfaces: Surfaces, contacts: ContactFinder, forces: ForceReader) -> Callable[[Step], Step]:
+    """Reads surface, contacts and forces, as a session does."""
 
     def read(step: Step) -> Step:
         image, residual = step.image, step.residual
@@ -263,7 +266,8 @@ def _reading(surfaces: Surfaces, contacts: ContactFinder) -> Callable[[Step], St
         assert residual is not None
         surface, deepest, read_ms = surfaces.finish(step.number)
         touched = contacts.follow(image, residual, surface, nulled=step.state in READ)
-        surface, deepest, touched = contacts.carry(surface, deepest, touched)
+        touched, _ = forces.read(surface, touched)
+        surface, deepest, touched = contacts.carry(surface, deepest, touched, forces.fit)
         touched = contacts.with_images(image, residual, surface, touched)
         return replace(step, surface=surface, peak=deepest, read_ms=read_ms, contacts=touched)
 

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from functools import partial
+from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 
 from benchmarks.every_pixel.scenes import (
     OPEN_GAIN,
     PRESS_S,
+    EightStepReader,
     FourierReader,
     bench_rig,
+    eight_steps,
     held,
     predicted_height,
     seen_peak_mm,
@@ -23,6 +30,7 @@ from zeromethod.arrays import Float, Single
 from zeromethod.errors import InputError
 from zeromethod.fine.reader import FRAMES, FineReader
 from zeromethod.fine.surface import FineSurface
+from zeromethod.loop.circle import Circle
 from zeromethod.optics import Optics
 from zeromethod.rig.load import load_rig
 from zeromethod.session.fine import FineReadings, frame_of, with_moving_target
@@ -50,6 +58,7 @@ def dent(sigma_mm: float, seed: int) -> Found:
         path = [(PRESS_S, 0.0), (PRESS_S, depth_mm)]
         with pressed(bench_rig(seed, gain=gain), path, sigma_mm) as narrow:
             one = held(narrow)
+            stepped = partial(EightStepReader, [] if gain == 1.0 else eight_steps(narrow))
         divided = 100 * (one.read().peak[0] / depth_mm - 1)
         if gain == 1.0:
             raw = one.read(divide=False)
@@ -58,6 +67,7 @@ def dent(sigma_mm: float, seed: int) -> Found:
         else:
             errors["open"] = divided
             errors["Fourier"] = 100 * (one.read(FourierReader).peak[0] / depth_mm - 1)
+            errors["eight steps"] = 100 * (one.read(stepped).peak[0] / depth_mm - 1)
     return errors
 
 
@@ -147,11 +157,14 @@ def pad(depth_mm: float, seed: int) -> Found:
         rig = bench_rig(seed, view=None, binning=2, gain=gain)
         with pressed(rig, [(PRESS_S, 0.0), (PRESS_S, depth_mm)], PAD_SIGMA_MM) as wide:
             one = held(wide)
+            stepped = partial(EightStepReader, [] if gain == 1.0 else eight_steps(wide))
         error = 100 * (one.read(divide=False).peak[0] / depth_mm - 1)
         errors["null" if gain == 1.0 else "open, stepping"] = error
         if gain != 1.0:
             fourier = one.read(FourierReader, divide=False)
             errors["Fourier"] = 100 * (fourier.peak[0] / depth_mm - 1)
+            eight = one.read(stepped, divide=False)
+            errors["eight steps"] = 100 * (eight.peak[0] / depth_mm - 1)
             single = SurfaceReader(one.rig, one.optics, one.grid).read(one.frames[-1].measured)
             errors["open, one frame"] = 100 * (peak(single).depth_mm / depth_mm - 1)
     return errors
@@ -194,27 +207,45 @@ def long_mean(frames: int, binning: int) -> Found:
 
 
 def loop_cost(frames: int) -> Found:
-    """Median time of the loop, ms: target at rest, moving, and moving with fine surfaces read alongside.
+    """Median processor time of the loop, ms: target at rest, moving, and moving with surfaces read alongside.
 
-    And a fine reading's processor time, ms, and the most memory that its process alone holds, MB.
+    Frame by frame in turn. And a reading's processor time, ms, the most memory its process holds, MB.
     """
     rig = load_rig("simulated").model_copy(update={"scenario": "none"})
-    times: dict[str, list[float]] = {"still": [], "step": [], "fine": []}
+    names = "still", "step", "fine"
     with ExitStack() as stack:
         benches = {name: stack.enter_context(opened(rig if name == "still" else with_moving_target(rig)))
-                   for name in times}  # fmt: skip
+                   for name in names}  # fmt: skip
+        times_ms = stack.enter_context(timed())
         one = benches["fine"]
         readings = FineReadings(one.rig, one.optics, one.loop.grid, one.truth)
         stack.enter_context(readings.in_own_process())
         process, memory, spent = readings.process_id or 0, [0.0], [0.0]
-        runs = {name: bench.loop.run(frames=frames) for name, bench in benches.items()}
-        for steps in zip(*runs.values(), strict=True):
-            for name, step in zip(runs, steps, strict=True):
-                times[name].append(step.loop_ms)
-            readings.add(steps[-1])
+        runs = [bench.loop.run(frames=frames) for bench in benches.values()]
+        for *_, step in zip(*runs, strict=True):
+            readings.add(step)
             memory.append(memory_mb(process))
             if readings.collect():
                 spent.append(spent_ms({"fine": process})["fine"])
-    medians = {name: float(np.median(values[frames // 4 :])) for name, values in times.items()}
+    medians = {
+        name: float(np.median(values[frames // 4 :]))
+        for name, values in zip(names, times_ms.values(), strict=True)
+    }
     # the first one compiles, or loads what was
     return medians | {"memory_mb": max(memory), "reading_ms": float(np.median(np.diff(spent)[1:]))}
+
+
+@contextmanager
+def timed() -> Iterator[dict[int, list[float]]]:
+    """Within this context, the thread's processor time for each frame from hand to command, ms, by circle."""
+    take: Callable[..., Any] = Circle.take
+    times_ms: dict[int, list[float]] = {}
+
+    def measured(circle: Circle, *args: Any) -> Any:
+        begun_ns = time.thread_time_ns()
+        result = take(circle, *args)
+        times_ms.setdefault(id(circle), []).append(1e-6 * (time.thread_time_ns() - begun_ns))
+        return result
+
+    with patch.object(Circle, "take", measured):
+        yield times_ms

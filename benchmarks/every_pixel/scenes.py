@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +14,7 @@ import numpy as np
 from benchmarks.peers.fourier_demodulation import carriers_of, displacement
 from benchmarks.rigs import VIEW_MIDDLE_MM, changed, coarser, opened
 from zeromethod.arrays import Float, Image
+from zeromethod.devices.opening import open_devices
 from zeromethod.devices.protocols import TrueMirror
 from zeromethod.fine.demodulate import Demodulated, Design
 from zeromethod.fine.footprint import response
@@ -23,10 +24,15 @@ from zeromethod.fine.surface import FineSurface
 from zeromethod.optics import Optics
 from zeromethod.optics.pupil import footprint_terms, quadratic_terms
 from zeromethod.pattern import Target
+from zeromethod.pattern.renderer import PatternRenderer
+from zeromethod.pattern.response import Response
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
 from zeromethod.session.fine import frame_of, with_moving_target
+from zeromethod.simulation.renderer import Piece
+from zeromethod.simulation.sensor import Sensor
 from zeromethod.warp.grid import NodeGrid
+from zeromethod.warp.rest import Rest
 
 PUPIL_MM = 2.5
 VIEW_PX = (384, 320)
@@ -34,6 +40,8 @@ WAVE_MM, WAVE_HIGH_MM = 0.6, 5e-5
 SETTLED = 24
 """Frames after the press before those that are read."""
 PRESS_S = 0.1
+ALONG_V_OF_EIGHT = 3
+"""Periods along v of eight steps, for one along u."""
 OPEN_GAIN = 1e-9
 """Gain of a loop that is open, and draws the picture at rest in every frame, so that its target steps."""
 
@@ -58,6 +66,53 @@ class FourierReader(FineReader):
         return Demodulated(np.ascontiguousarray(mean), fit.variance, fit.modulation, fit.mean, fit.misfit)
 
 
+class EightStepReader(FineReader):
+    """Reads by eight-step phase shifting, in place of the fit in time, from frames of their own.
+
+    In those the mirror at rest's picture is shifted by k and 3 k eighths of a period: both carriers are told
+    apart by the same eight. Each picture stands still in its exposure.
+    """
+
+    def __init__(
+        self, images: Sequence[Image], rig: Rig, optics: Optics, grid: NodeGrid, divide: bool
+    ) -> None:
+        super().__init__(rig, optics, grid, divide)
+        self._images = images
+
+    def _demodulated(self, images: Sequence[Image], design: Design) -> Demodulated:
+        fit = super()._demodulated(images, design)
+        v, u = np.ogrid[self._lattice.box]
+        turn, d = 2 * np.pi / self._grid.period_px, np.empty_like(fit.d)
+        for axis, (at, times) in enumerate(((u, 1), (v, ALONG_V_OF_EIGHT))):
+            total = np.zeros(fit.mean.shape, np.complex64)
+            for k, image in enumerate(self._images):
+                total += image[self._lattice.box] * np.complex64(np.exp(-0.25j * np.pi * times * k))
+            d[..., axis] = np.angle(total * np.exp(-1j * turn * at)) / turn
+        return Demodulated(d, fit.variance, fit.modulation, fit.mean, fit.misfit)
+
+
+def eight_steps(rig: Rig, count: int = FRAMES) -> list[Image]:
+    """So many frames of the mirror after its press, the picture of the mirror at rest shifted by eighths."""
+    optics = Optics(rig)
+    rest = Rest.of(rig, optics)
+    images = []
+    with open_devices(rig) as devices:
+        camera: Any = devices.camera
+        display: Any = devices.display
+        mirror, sensor = camera.scenario.mirror_at(round(1e9 * (PRESS_S + 1.0))), Sensor(rig)
+        every_row = np.ones(rig.display.rows, np.float32)
+        with display.context:
+            target, response = Target.from_spec(rig.target), Response.from_rig(rig.display)
+            drawing = PatternRenderer(display.context, rest.grid, rest.q, rest.display_size, target, response)
+            pictures = [drawing.image(rest.q, shift=(k / 8, ALONG_V_OF_EIGHT * k / 8)) for k in range(8)]
+        for number in range(count):
+            handle = display.renderer.upload(pictures[number % 8])
+            light = display.renderer.expose([Piece(1.0, mirror, [(handle, every_row)])])
+            images.append(sensor.image(light, number))
+            display.renderer.release(handle)
+    return images
+
+
 @dataclass(frozen=True)
 class Held:
     """What a bench saw of a mirror that stays: the last frames, and the mirror."""
@@ -67,8 +122,8 @@ class Held:
     frames: Sequence[FineFrame]
     mirror: TrueMirror
 
-    def read(self, kind: type[FineReader] = FineReader, divide: bool = True) -> FineSurface:
-        """Fine surface of the frames."""
+    def read(self, kind: Callable[..., FineReader] = FineReader, divide: bool = True) -> FineSurface:
+        """Fine surface of the frames. kind: what makes the reader."""
         return kind(self.rig, self.optics, self.grid, divide).read(self.frames)
 
     @property

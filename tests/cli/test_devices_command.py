@@ -220,7 +220,7 @@ def test_focus_keeps_the_last_figures_on_sigterm(rig_file, tmp_path):
     process.send_signal(signal.SIGTERM)
     out, err = process.communicate(timeout=60)
     assert process.returncode == 130, err
-    assert err.strip() == ""
+    assert err.strip() == "interrupted"
     assert "focus score" in out
     assert json.loads((tmp_path / "focus.json").read_text())["focus_score"] > 0.9
 

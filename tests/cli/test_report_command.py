@@ -53,4 +53,4 @@ def test_a_signal_ends_the_wait_for_a_recording(tmp_path):
     finally:
         process.kill()
     assert process.returncode == 130
-    assert err.strip() == ""
+    assert err.strip() == "interrupted"

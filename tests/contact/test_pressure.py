@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
+
 import numpy as np
 import pytest
 from planted_dents import (
@@ -18,8 +20,9 @@ from planted_dents import (
 )
 
 from zeromethod import InputError, load_rig
-from zeromethod.contact import PressureMap, pressure_map
+from zeromethod.contact import Contact, PressureMap, evenly, pressure_map
 from zeromethod.mechanics.yielding import Layer
+from zeromethod.recording.schema import CONTACTS, OUTLINE_POINTS, row_dtype
 
 DEPTH_MM = 0.02
 
@@ -45,16 +48,33 @@ def test_a_balls_pressure_has_its_maximum_and_its_sum():
 
 
 @pytest.mark.parametrize(
-    ("name", "middle", "border"), [("punch", (0.0, 0.9), (1.3, 3.0)), ("cone", (1.6, 5.0), (0.0, 0.4))]
+    ("name", "middle", "border"), [("punch", (0.4, 0.6), (3.5, 4.3)), ("cone", (1.6, 5.0), (0.0, 0.4))]
 )
 def test_where_a_punch_and_a_cone_press_most_is_seen_from_outside(name, middle, border):
-    """0.5 and 2.6 times the mean near the middle; a punch's rim has most of its load, a cone's hardly any."""
+    """0.5 and 2.6 times the mean near the middle, 3.9 and 0.1 times beside the rim."""
     found, force_n, rings = pressure(name)
     assert found.force_n == pytest.approx(force_n, rel=0.01)
     assert middle[0] <= rings[1] <= middle[1]
     assert border[0] <= rings[-2] <= border[1]
     assert (found.pressure_mpa > -1e-9).all()
     assert not found.sticks
+
+
+@pytest.mark.parametrize("name", list(DENTS))
+def test_what_may_press_otherwise_is_in_sigma(name):
+    """Of a tip nothing is seen around it: a ball's map does not exclude a cone's."""
+    found, force_n, _ = pressure(name)
+    rho = np.hypot(found.x_mm - 2.0, found.y_mm + 1.0) / RADIUS_MM
+    within = rho < 0.95
+    shapes = {
+        "ball": 1.5 * np.sqrt(np.maximum(1 - rho**2, 0.0)),
+        "punch": 0.5 / np.sqrt(np.maximum(1 - rho**2, 0.01)),
+        "cone": np.arccosh(np.maximum(1 / rho, 1.0)),
+    }
+    true = shapes[name] * force_n / (np.pi * RADIUS_MM**2)
+    z = ((found.pressure_mpa - true) / found.sigma_mpa)[within]
+    assert np.sqrt(np.mean(z**2)) < 1.5
+    assert np.abs(z).max() < 3
 
 
 def jkr(force_n: float, pull: float) -> tuple[PressureMap, np.ndarray, np.ndarray]:
@@ -89,7 +109,8 @@ def test_a_ball_that_sticks_pulls_at_its_border(force_n):
 def test_a_pull_too_weak_to_be_sure_of_is_within_sigma():
     found, true, within = jkr(0.03, pull=0.3)
     assert not found.sticks
-    assert np.mean((np.abs(found.pressure_mpa - true) > 2 * found.sigma_mpa)[within]) < 0.05
+    # all of it is off together
+    assert np.abs((found.pressure_mpa - true) / found.sigma_mpa)[within].max() < 3
 
 
 def test_a_border_that_is_too_wide_makes_no_contact_stick():
@@ -111,6 +132,24 @@ def test_what_is_open_of_the_body_is_not_taken_for_pressure():
     assert found.force_n == pytest.approx(force_n, rel=0.03)
 
 
+def recorded(*contacts: Contact) -> np.ndarray:
+    """Rows of a recording's table, with its 64 points of the border."""
+    rows = np.zeros(len(contacts), row_dtype(CONTACTS))
+    for row, contact in zip(rows, contacts, strict=True):
+        for name, value in asdict(contact.figures).items():
+            row[name] = value
+        row["outline_mm"] = evenly(contact.outline_mm, OUTLINE_POINTS)
+    return rows
+
+
+def test_rows_of_a_recording_make_the_map_of_the_steps_contacts():
+    """Borders are kept as 64 points in single precision: chords are shorter by a thousandth."""
+    pressed, one = surface(outwards(ball, DEPTH_MM), (0.0, 0.0)), round_contact()
+    live, kept = (pressure_map(rig(), pressed, each) for each in ([one], recorded(one)))
+    assert kept.pressure_mpa.max() == pytest.approx(live.pressure_mpa.max(), rel=0.01)
+    assert kept.force_n == pytest.approx(live.force_n, rel=0.001)
+
+
 def test_there_is_no_map_of_a_pull_or_without_a_modulus():
     pulled = surface(outwards(punch, -0.01), (0.0, 0.0))
     with pytest.raises(InputError, match="the contact pulls"):
@@ -121,13 +160,13 @@ def test_there_is_no_map_of_a_pull_or_without_a_modulus():
 
 def test_what_is_no_rig_surface_or_contact_is_refused_by_name():
     pressed, one = surface(outwards(ball, DEPTH_MM), (0.0, 0.0)), round_contact()
-    row = np.zeros(1, [("x_mm", "f8"), ("outline_mm", "f4", (4, 2))])
     for given, words in (
         (("nowhere.toml", pressed, [one]), "nowhere.toml"),
         ((rig(), None, [one]), "surface: NoneType"),
         ((rig(), pressed, []), "contacts: nothing touches"),
         ((rig(), pressed, None), "contacts: a step's"),
-        ((rig(), pressed, row), "contacts: a step's"),
+        ((rig(), pressed, np.zeros(1, [("x_mm", "f8")])), "contacts: a step's"),
+        ((rig(), pressed, recorded()), "contacts: nothing touches"),
         ((rig(), pressed, [one], 1), "number: 1: from 0 to 0"),
         ((rig(), pressed, [one], -1), "number: -1: from 0 to 0"),
     ):

@@ -3,7 +3,8 @@ import pytest
 
 from zeromethod.rig.model import Noise
 from zeromethod.sensing import Residual, ResidualSensor
-from zeromethod.sensing.unwrap import Unwrapper
+from zeromethod.sensing.known_order import settle_known_order
+from zeromethod.sensing.unwrap import Unwrapper, _unwrap
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.validity import Flag
 
@@ -157,3 +158,28 @@ def test_smallest_grid():
         camera(observed(cosines, 6.0, 0.0, (64, 64)))
     )
     assert residual.d[grid.inner][..., 0] == pytest.approx(6.0, abs=0.1)
+
+
+def test_near_the_null_what_dark_places_cut_off_is_flagged_as_by_unwrapping():
+    """Nodes dark at random, few to most of them, and guesses missing in one place: islands of any size."""
+    draw, work = np.random.default_rng(4), Unwrapper(GRID, diagonal=False)._work
+    settled = flagged = 0
+    for dark in np.linspace(0.0, 0.7, 40):
+        residual = Residual.empty(GRID)
+        residual.d[INNER] = draw.normal(0, draw.choice([0.2, 1.2]), (*NODES, 2))
+        residual.sigma[INNER] = draw.uniform(0, 1.5, (*NODES, 2))
+        residual.flags[INNER] = np.where(draw.random(NODES) < dark, Flag.LIGHT_LOST, 0)
+        guess = draw.normal(0, 0.2, residual.d.shape)
+        guess[10:20, 10:25] = np.nan
+        expected = residual.copy()
+        given = guess, float(PERIOD), work
+        _unwrap(expected.d, expected.sigma, expected.flags, *given)
+        if settle_known_order(
+            residual.d, residual.sigma, residual.flags, guess, float(PERIOD), work.path, work.label
+        ):
+            settled += 1
+            flagged += np.count_nonzero(residual.flags == Flag.AMBIGUOUS)
+            np.testing.assert_array_equal(residual.flags, expected.flags)
+            np.testing.assert_array_equal(residual.d[residual.valid], expected.d[residual.valid])
+    assert settled > 10
+    assert flagged > 10

@@ -13,6 +13,7 @@ from small_rigs import BENCH_160, small_rig_file
 from zeromethod import MeasurementError, load_rig
 from zeromethod.loop.state import State, Status
 from zeromethod.session.weighing import GRAVITY_M_S2, for_weighing, weigh
+from zeromethod.surface import Peak
 
 E_MPA, GRAMS = 1.6, 20.0
 PROVISIONAL_N = 1e-3 * GRAMS * GRAVITY_M_S2 / E_MPA
@@ -20,14 +21,21 @@ PROVISIONAL_N = 1e-3 * GRAMS * GRAVITY_M_S2 / E_MPA
 NOISE_N = 1e-4
 
 
-def steps(*forces_n: float, state: State = State.LOCKED, unread_from: float = np.inf, truth=None):
-    """60 per second; NaN: nothing touches, but from frame `unread_from` on."""
+def steps(
+    *forces_n: float,
+    state: State = State.LOCKED,
+    unread_from: float = np.inf,
+    truth=None,
+    dented_from: float = np.inf,
+):
+    """60 per second; NaN: nothing touches, but from frame `unread_from` on. Dented, from another one on."""
     draw = np.random.default_rng(0)
     for number, force in enumerate(forces_n):
         yield SimpleNamespace(
             time_s=number / 60, state=state, surface=object(), sigma_total_force_n=0.004 * force, truth=truth,
             touching=(1,) if force > 0 or number >= unread_from else (),
             total_force_n=force + draw.normal(0, NOISE_N),
+            peak=Peak(0.03 if number >= dented_from else 1e-6, 42.0, 0.0, 1e-5),
         )  # fmt: skip
 
 
@@ -52,6 +60,7 @@ def test_the_modulus_makes_the_force_the_weight():
         (steps(*[np.nan] * 90, state=State.HOLDING), "the loop did not null the mirror at rest"),
         (steps(*[np.nan] * 90, unread_from=40), "no force was read where it touches within 1 s"),
         (steps(*[np.nan] * 40), "nothing was put on the mirror before the run ended"),
+        (steps(*[np.nan] * 90, dented_from=40), "dented, but nothing is seen to touch: .* 9 camera pixels"),
         (steps(*[np.nan] * 40, state=State.HOLDING), "null the mirror at rest before the run ended"),
         (steps(*REST, *HELD[:20]), "the force did not keep still before the run ended"),
         (steps(*REST, *[1e4] * 60), "1.96e-05 MPa are no rubber's .* 20 g weigh 0.1962 N.* 1e[+]04 N in"),

@@ -16,6 +16,7 @@ from small_rigs import paper
 import zeromethod as zm
 from benchmarks.rigs import coarser
 from zeromethod import load_rig, summarise
+from zeromethod.view.axes import colour_bar
 from zeromethod.view.figure import _draw_pressure, _title, plot_run
 
 
@@ -62,6 +63,18 @@ def test_the_pressure_on_the_largest_contact_is_drawn_where_the_modulus_is_known
 
 
 def test_a_peak_that_is_right_to_all_digits_is_not_minus_nothing() -> None:
-    figures = {"rig": "r", "scenario": "p", "controller": "c", "depth_peak_mm": 0.1999999}
+    figures = {"rig": "r", "scenario": "p", "controller": "c"}
+    figures |= {"depth_peak_mm": 0.1999999, "depth_peak_sigma_mm": 1e-5}
     truth = {"depth_deepest_mm": 0.2, "depth_rms_error_um": 0.001}
     assert "(+0.00 %)" in _title({**figures, "truth": truth})
+
+
+@pytest.mark.parametrize(("extreme", "ends"), [(1.0, "neither"), (9.0, "max"), (-9.0, "min")])
+def test_a_scale_says_where_values_lie_beyond_its_end(extreme: float, ends: str) -> None:
+    values = np.array([[0.5, -0.5, np.nan, extreme]])
+    figure = Figure()
+    axis = figure.subplots()
+    colour_bar(axis, axis.pcolormesh(values, vmin=-1.0, vmax=1.0), "mm")
+    bar = axis.collections[0].colorbar
+    assert bar is not None
+    assert bar.extend == ends

@@ -151,8 +151,7 @@ def _home(home: Path) -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        click.echo("interrupted: nothing was stored", err=True)
-        raise
+        raise KeyboardInterrupt("interrupted: nothing was stored") from None
     finally:
         for folder in made:
             try:

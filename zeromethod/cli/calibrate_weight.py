@@ -92,8 +92,7 @@ def weight_command(
     try:
         found = _weigh(rig, rig_name, (grams, sigma_grams, patience_s))
     except KeyboardInterrupt:
-        click.echo("interrupted: nothing was stored", err=True)
-        raise
+        raise KeyboardInterrupt("interrupted: nothing was stored") from None
     before = Before.of(rig.rubber, found)
     for line in _words(found, before):
         click.echo(line)

@@ -102,8 +102,7 @@ def check_command(
                 prompts=TerminalPrompts(),
             )
     except KeyboardInterrupt:
-        click.echo("interrupted: nothing was kept", err=True)
-        raise
+        raise KeyboardInterrupt("interrupted: nothing was kept") from None
     _report(found, log, summary)
 
 

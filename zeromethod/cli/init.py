@@ -168,5 +168,4 @@ def _answer(words: str, default: Any, kind: Real | Whole, path: Path) -> Any:
         if isinstance(abort.__context__, EOFError):
             ended = f"the input ended at {words!r}; nothing is written; allowed: options, with --no-ask"
             raise InputError(f"FILE: {path}: {ended}") from None
-        click.echo("\ninterrupted: nothing is written", err=True)
-        raise
+        raise KeyboardInterrupt("interrupted: nothing is written") from None

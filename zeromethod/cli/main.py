@@ -101,7 +101,9 @@ def main(
     try:
         code = command.main(args=arguments, prog_name=name, standalone_mode=False)
         sys.stdout.flush()
-    except (click.exceptions.Abort, KeyboardInterrupt):
+    except (click.exceptions.Abort, KeyboardInterrupt) as error:
+        # click makes an Abort of what was raised, after an empty line
+        click.echo(str(error.__cause__ or error) or "interrupted", err=True)
         code = INTERRUPTED
     except click.exceptions.NoArgsIsHelpError as error:
         click.echo(error.format_message())

@@ -189,8 +189,7 @@ def _close_loop(asked: _Asked, recording: Recording, window: Window, rig: Rig) -
             except KeyboardInterrupt:
                 record = asked.record
                 kept = f"{record} has" if record is not None and record.exists() else "nothing is kept of"
-                click.echo(f"interrupted: {kept} the last session up to here", err=True)
-                raise
+                raise KeyboardInterrupt(f"interrupted: {kept} the last session up to here") from None
         if session.recorder_state:
             click.echo(f"! {session.recorder_state}", err=True)
     sessions = {track.name: figures_of(track) for track in tracks}

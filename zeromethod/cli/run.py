@@ -224,4 +224,4 @@ def _report(result: RunResult, figure: Path | None, summary: Path | None) -> Non
     if not figures["calibrated"]:
         raise MeasurementError(f"not calibrated: {DOUBT.reason}")
     if (when := figures["not_nulled"]) is not None:
-        raise MeasurementError(f"the null was not held {when}: {figures['reason']}")
+        raise MeasurementError(f"the null was not held {when}: {figures['not_nulled_reason']}")

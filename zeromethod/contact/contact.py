@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
+from typing import Any
 
 import cv2
 import numpy as np
@@ -117,6 +118,14 @@ class Contact(ContactFigures):
     outline_px: Float
     probability: Probability
     image: ContactImage | None = None
+
+    @classmethod
+    def of_row(cls, row: Any) -> Contact:
+        """From a row of a recording's table of contacts, which has neither pixels nor image."""
+        values = {field.name: row[field.name].item() for field in fields(ContactFigures)}
+        outline = np.asarray(row["outline_mm"], dtype=np.float64)
+        none = Probability(0, 0, np.zeros((0, 0), np.float32))
+        return cls(**values, outline_mm=outline, outline_px=np.zeros((0, 2)), probability=none)
 
     @property
     def figures(self) -> ContactFigures:

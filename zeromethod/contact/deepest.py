@@ -1,4 +1,4 @@
-"""How deep the mirror goes inside contacts: each contact's depth, and the peak with them."""
+"""The peak of a mirror that something touches."""
 
 from __future__ import annotations
 
@@ -23,22 +23,7 @@ def _deepest(inside: Surface, nodes: Mask) -> tuple[int, int]:
     return int(row), int(col)
 
 
-def with_depths(surface: Surface, contacts: Sequence[Contact]) -> tuple[Contact, ...]:
-    """The contacts, each with the largest depth among the nodes within it."""
-    inside, found = surface.inside, []
-    for contact in contacts:
-        if inside is not None:
-            away = np.hypot(inside.x_mm - contact.x_mm, inside.y_mm - contact.y_mm)
-            nodes = inside.valid & (away < contact.major_mm / 2)
-            if nodes.any():
-                at = _deepest(inside, nodes)
-                depth, sigma = float(inside.depth_mm[at]), float(inside.sigma_depth_mm[at])
-                contact = replace(contact, depth_mm=depth, sigma_depth_mm=sigma)  # noqa: PLW2901 - the same one
-        found.append(contact)
-    return tuple(found)
-
-
-def deepest_of_all(surface: Surface, measured: Peak) -> Peak:
+def deepest_of_all(surface: Surface, measured: Peak, contacts: Sequence[Contact]) -> Peak:
     """The peak, inside a contact where that goes deeper than what was measured.
 
     Its place is known as well as the bottom is flat: the spread of all nodes about as deep.
@@ -46,15 +31,20 @@ def deepest_of_all(surface: Surface, measured: Peak) -> Peak:
     inside = surface.inside
     if inside is not None:
         at = _deepest(inside, inside.valid)
-        depth, sigma = float(inside.depth_mm[at]), float(inside.sigma_depth_mm[at])
+        x, y = inside.x_mm, inside.y_mm
+        peaks = [(one.depth_mm, one.sigma_depth_mm, one.x_mm, one.y_mm) for one in contacts]
+        here = inside.depth_mm[at], inside.sigma_depth_mm[at], x[at], y[at]
+        depth, sigma, *place = (float(one) for one in max([here, *peaks], key=lambda one: abs(one[0])))
         if not abs(depth) <= abs(measured.depth_mm):
             alike = inside.valid & (np.abs(inside.depth_mm - depth) <= sigma)
-            x, y = inside.x_mm, inside.y_mm
-            apart = (float(np.sqrt(np.mean((one[alike] - one[at]) ** 2))) for one in (x, y))
+            alike[at] = True
+            apart = (
+                float(np.sqrt(np.mean((one[alike] - here) ** 2)))
+                for one, here in zip((x, y), place, strict=True)
+            )
             stated = (float(one[at]) for one in (surface.sigma_x_mm, surface.sigma_y_mm))
             sigma_x, sigma_y = (math.hypot(*pair) for pair in zip(apart, stated, strict=True))
-            place = float(x[at]), float(y[at])
-            return Peak(depth, *place, sigma, 0.0, sigma_x, sigma_y, Where.INSIDE)
+            return Peak(depth, place[0], place[1], sigma, 0.0, sigma_x, sigma_y, Where.INSIDE)
     hole = surface.contact if inside is None else inside.valid
     away = np.hypot(surface.x_mm - measured.x_mm, surface.y_mm - measured.y_mm)
     if not np.isfinite(away).any():

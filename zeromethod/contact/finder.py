@@ -10,7 +10,8 @@ import numpy as np
 from zeromethod.arrays import Float, Image, Single
 from zeromethod.contact import flat, in_mm, outline, shadow
 from zeromethod.contact.contact import Contact, Probability
-from zeromethod.contact.deepest import deepest_of_all, with_depths
+from zeromethod.contact.deepest import deepest_of_all
+from zeromethod.contact.force_fit import ForceFit
 from zeromethod.contact.in_mm import MirrorPlaces
 from zeromethod.contact.inside import carried_inside
 from zeromethod.contact.moments import moments
@@ -91,7 +92,7 @@ class ContactFinder:
         return self._track.follow([each for each in found if each is not None], surface.time_ns)
 
     def carry(
-        self, surface: Surface, deepest: Peak, contacts: tuple[Contact, ...]
+        self, surface: Surface, deepest: Peak, contacts: tuple[Contact, ...], fit: ForceFit | None
     ) -> tuple[Surface, Peak, tuple[Contact, ...]]:
         """Surface, peak and contacts with the depth inside contacts, as far as it can be known.
 
@@ -101,6 +102,8 @@ class ContactFinder:
             As measured around the contacts.
         contacts : tuple of Contact
             What `follow` found.
+        fit : ForceFit or None
+            What presses there, by the slopes around (`ForceReader.fit`).
 
         Returns
         -------
@@ -109,8 +112,9 @@ class ContactFinder:
         """
         if not contacts:
             return surface, deepest, contacts
-        surface = replace(surface, inside=carried_inside(surface, contacts, self._places))
-        return surface, deepest_of_all(surface, deepest), with_depths(surface, contacts)
+        inside, contacts = carried_inside(surface, contacts, self._places, fit)
+        surface = replace(surface, inside=inside)
+        return surface, deepest_of_all(surface, deepest, contacts), contacts
 
     def with_images(
         self, image: Image, residual: Residual, surface: Surface, contacts: tuple[Contact, ...]

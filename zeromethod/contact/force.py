@@ -45,15 +45,14 @@ class TotalForce:
 
 
 class ForceReader:
-    """Forces of the contacts of surface after surface."""
+    """Forces of the contacts of surface after surface; `fit` is what presses in the last one."""
 
     def __init__(self, rig: Rig) -> None:
         self._yielding = Yielding.of(rig)
         self._geometry = rig.geometry
         self._overlap = Overlap.of(rig)
-        self._fit: ForceFit | None = None
-        if self._yielding is not None:
-            force_fit.compile_ahead()
+        self.fit: ForceFit | None = None
+        force_fit.compile_ahead()
 
     def read(self, surface: Surface, contacts: Sequence[Contact]) -> tuple[tuple[Contact, ...], TotalForce]:
         """The contacts with their forces and torques, and the sum; NaN where too little is read around them.
@@ -70,13 +69,15 @@ class ForceReader:
         tuple of Contact, TotalForce
             The same contacts, in order.
         """
-        if self._yielding is None or not contacts:
+        fit = self.fit
+        if not contacts:
+            fit = None
+        elif fit is None or not (fit.serves(contacts) and fit.follow(surface)):
+            fit = ForceFit.of(surface, contacts, self._yielding, self._overlap)
+        self.fit = fit
+        if fit is None or math.isnan(self._yielding.modulus_mpa):
             return tuple(contacts), TotalForce()
-        if self._fit is None or not (self._fit.serves(contacts) and self._fit.follow(surface)):
-            self._fit = ForceFit.of(surface, contacts, self._yielding, self._overlap)
-        if self._fit is None:
-            return tuple(contacts), TotalForce()
-        fit, arms = self._fit, np.pi * self._yielding.modulus_mpa * self._fit.arms
+        arms = np.pi * self._yielding.modulus_mpa * fit.arms
         found = tuple(self._with(contact, fit, arm) for contact, arm in zip(contacts, arms, strict=True))
         total, sigma = _summed(fit, arms[:, 0].sum(axis=0)[None])
         middle = np.mean([(contact.x_mm, contact.y_mm) for contact in contacts], axis=0)
@@ -108,7 +109,6 @@ class ForceReader:
 
         Force goes as depth times distance; a mode of the geometry changes both.
         """
-        assert self._yielding is not None
         known = math.hypot(self._yielding.relative_sigma, _FORCES)
         if not self._geometry.depth:
             return known

@@ -14,11 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from zeromethod.arrays import Float
-from zeromethod.contact import load_slopes, slope_blocks
+from zeromethod.contact import load_fields, slope_blocks
 from zeromethod.contact.contact import Contact
 from zeromethod.contact.loads import SHAPES, Loads, shares
 from zeromethod.contact.median import median
-from zeromethod.contact.slope_blocks import SlopeBlocks
+from zeromethod.contact.slope_blocks import LARGEST, SlopeBlocks
 from zeromethod.mechanics.yielding import Yielding
 from zeromethod.rig.model import Rig
 from zeromethod.surface import Surface
@@ -26,7 +26,7 @@ from zeromethod.surface.anchor import mean_noise_gain
 from zeromethod.warp.overlap import component_correlation
 
 _FEWEST = 24
-_PASSES, _LATER_PASSES = 3, 4
+_PASSES, _LATER_PASSES = 2, 4
 _MEDIAN = 0.6745
 """Median of the size of a standard normal number."""
 _DOUBTED = 2.5
@@ -47,39 +47,38 @@ _LEAST_SHARE = 0.9
 
 @dataclass(frozen=True)
 class Overlap:
-    """Correlation of nodes' noise, 0, 1, 2, ... nodes apart, along a component's own axis and the other."""
+    """Noise of means over nodes, whose windows overlap, over that of independent nodes, as variances.
 
-    own: Float
-    other: Float
+    whole: of means that reach over many nodes. squares: (LARGEST,) over squares of 1, 2, ... nodes a side.
+    """
+
+    whole: float
+    squares: Float
 
     @classmethod
     def of(cls, rig: Rig) -> Overlap:
         """That of a rig's target."""
         period_px = rig.target.period_px
-        return cls(*component_correlation(period_px, period_px // 2, rig.target.kind))
-
-    @property
-    def whole(self) -> float:
-        """Variance of means that reach over many nodes, over that of independent nodes."""
-        return float((2 * self.own.sum() - 1) * (2 * self.other.sum() - 1))
+        own, other = component_correlation(period_px, period_px // 2, rig.target.kind)
+        squares = [
+            side * side * mean_noise_gain(own, side) * mean_noise_gain(other, side)
+            for side in range(1, LARGEST + 1)
+        ]
+        return cls(float((2 * own.sum() - 1) * (2 * other.sum() - 1)), np.array(squares))
 
     def within(self, nodes: Float) -> Float:
-        """The same (n,) of means over squares of so many nodes (n,)."""
-        sides = np.maximum(np.rint(np.sqrt(nodes)), 1).astype(int)
-        known = [
-            k * k * mean_noise_gain(self.own, k) * mean_noise_gain(self.other, k)
-            for k in range(1, sides.max() + 1)
-        ]
-        return np.asarray(np.array(known)[sides - 1])
+        """The variances' ratio (n,) for means over squares of so many nodes (n,)."""
+        return np.asarray(self.squares[np.maximum(np.rint(np.sqrt(nodes)), 1).astype(int) - 1])
 
 
 class ForceFit:
     """Shares of all contacts' pressures by the slopes of a surface, and of those read after it.
 
     mean: (t,) shares, then a tilt; spread: (t, t) their covariance. arms: (contacts, 3, t) net force, and
-    torques about x and y, of each share, over pi E*. slopes: (2 n,) of the blocks that the fit was made of;
-    terms: (2 n, t) of them by each share; weight: (2 n,) 1 / their sigma;
-    open_slopes: (2 n,) what is open of them all together, by the body. at_mm: (n, 4, 2) where.
+    torques about x and y, of each share, over pi E*. loads: pressures of each contact. slopes: (2 n,) of the
+    blocks that the fit was made of; terms: (2 n, t) of them by each share; weight: (2 n,) 1 / their sigma;
+    open_slopes: (2 n,) what is open of them all together, by the body; None where nothing is. blocks: where.
+    alone: (nodes,) those that stand alone, counted along rows; depths: (nodes, t - 2) there by each share.
     """
 
     def __init__(
@@ -90,37 +89,32 @@ class ForceFit:
         overlap: Overlap,
     ) -> None:
         """The fit to the slopes that the blocks were made of."""
-        self._contacts, self._blocks = tuple(contacts), blocks
-        loads = [Loads.of(contact) for contact in contacts]
-        terms = [_terms(load, blocks.at_mm, yielding) for load in loads]
-        tilt = np.broadcast_to(np.eye(2), (len(blocks.slope), 2, 2))
-        self.terms = np.concatenate([*terms, tilt], axis=2).reshape(blocks.slope.size, -1)
+        self._contacts, self.blocks = tuple(contacts), blocks
+        self.loads = [Loads.of(contact) for contact in contacts]
+        count, self.alone = SHAPES * len(contacts), blocks.alone()
+        self.slopes = blocks.slope.ravel()
+        self.terms = np.empty((len(self.slopes), count + 2))
+        self.depths = np.empty((len(self.alone), count))
+        for k, load in enumerate(self.loads):
+            own = slice(SHAPES * k, SHAPES * (k + 1))
+            fields = load_fields.load_fields(load, blocks.at_mm, blocks.spread_mm2)
+            # the body adds to the net force; it is smooth, and so the same all over a block
+            added = yielding.added_slopes(blocks.at_mm, load.middle_mm)
+            if added is not None:
+                fields[:, 1:, 0] += added
+            self.terms[:, own] = fields[:, 1:].reshape(-1, SHAPES)
+            self.depths[:, own] = fields[blocks.nodes == 1, 0]
+        self.terms[:, count:] = np.tile(np.eye(2), (len(blocks.slope), 1))
         steep2 = (blocks.slope**2).sum(axis=1, keepdims=True)
-        open2 = _MODEL**2 * blocks.slope**2
-        rim2 = blocks.rim[:, None] ** 2 * steep2
-        weight = (1 / np.sqrt(overlap.whole * (blocks.variance + rim2) + open2)).ravel()
-        own = overlap.within(blocks.nodes)[:, None]
-        by_own = (1 / np.sqrt(own * blocks.variance + rim2 + open2)).ravel()
-        self.mean: Float
-        self.spread: Float
-        self._fit(weight, by_own, len(loads))
-        self._allow_for(yielding, loads)
+        open2 = _MODEL**2 * blocks.slope**2 + blocks.rim[:, None] ** 2 * steep2
+        own2 = overlap.within(blocks.nodes)[:, None] * blocks.variance + open2
+        self._fit((1 / np.sqrt(overlap.whole * blocks.variance + open2)).ravel(), (1 / np.sqrt(own2)).ravel())
+        self._allow_for(yielding, blocks.at_mm)
         self.arms = np.zeros((len(contacts), 3, len(self.mean)))
-        for k, (contact, load) in enumerate(zip(contacts, loads, strict=True)):
+        for k, (contact, load) in enumerate(zip(contacts, self.loads, strict=True)):
             x, y = (load.cells - (contact.x_mm, contact.y_mm)).T
             by_cell = np.stack([np.ones_like(x), -y, x])
             self.arms[k, :, SHAPES * k : SHAPES * (k + 1)] = np.einsum("mc,sc->ms", by_cell, load.forces)
-
-    def _allow_for(self, yielding: Yielding, loads: list[Loads]) -> None:
-        """Add to the covariance what is open of the body: it changes all shares together."""
-        at, wrong = self._blocks.at_mm.mean(axis=1), np.zeros(self._blocks.slope.shape)
-        for load, net in zip(loads, self.mean[::SHAPES], strict=False):
-            steep = yielding.open_slopes(at, load.middle_mm)
-            if steep is not None:
-                wrong += net * steep
-        self.open_slopes = wrong.ravel()
-        change = np.einsum("nt,n->t", self._gain, self.open_slopes)
-        self.spread += np.outer(change, change)
 
     @classmethod
     def of(
@@ -132,25 +126,37 @@ class ForceFit:
             return None
         return cls(blocks, contacts, yielding, overlap)
 
-    def _fit(self, weight: Float, by_own: Float, count: int) -> None:
+    def _fit(self, weight: Float, by_own: Float) -> None:
         """weight: (2 n,) 1 / standard deviation of slopes in means over many nodes; by_own: of each alone."""
-        self.at_mm, self.slopes = self._blocks.at_mm, self._blocks.slope.ravel()
-        wanted, used = self.slopes, weight
+        used = weight
         for _ in range(_PASSES):
-            normal, right = load_slopes.normal_equations(self.terms * used[:, None], wanted * used)
-            mean, known = _regular(normal, right, count)
-            left = np.abs(wanted - np.einsum("nt,t->n", self.terms, mean)) * by_own
-            usual = max(median(left) / _MEDIAN, 1.0)
             last = used
+            normal, right = load_fields.normal_equations(self.terms, self.slopes, used)
+            self.mean, known = shares(normal, right, self.loads)
+            left = np.abs(load_fields.left_over(self.terms, self.slopes, self.mean)) * by_own
+            usual = max(median(left) / _MEDIAN, 1.0)
             # slopes beside a border, where the mirror may fold, can be off by any amount
             used = weight * np.sqrt(np.minimum(1.0, _DOUBTED * usual / np.maximum(left, 1e-12)))
         inverse = np.asarray(np.linalg.inv(known), np.float64)
-        self._first = self.mean = mean
+        self._first = self.mean
         self.spread = usual**2 * inverse
-        self._gain: Float = np.einsum("nt,tu->nu", self.terms * last[:, None] ** 2, inverse)
+        self._used, self._inverse = last, inverse
         self._kept = np.einsum("tu,uv->tv", inverse, normal)
         self._limit = _DOUBTED * usual / by_own
         self.weight = last / usual
+
+    def _allow_for(self, yielding: Yielding, at_mm: Float) -> None:
+        """Add to the covariance what is open of the body at (n, 2): it changes all shares together."""
+        self.open_slopes = None
+        for load, net in zip(self.loads, self.mean[::SHAPES], strict=False):
+            steep = yielding.open_slopes(at_mm, load.middle_mm)
+            if steep is None:
+                return
+            self.open_slopes = (0.0 if self.open_slopes is None else self.open_slopes) + net * steep.ravel()
+        assert self.open_slopes is not None
+        _, right = load_fields.normal_equations(self.terms, self.open_slopes, self._used)
+        change = np.einsum("tu,u->t", self._inverse, right)
+        self.spread += np.outer(change, change)
 
     def serves(self, contacts: Sequence[Contact]) -> bool:
         """Whether these contacts lie where those of the fit do."""
@@ -161,28 +167,19 @@ class ForceFit:
 
     def follow(self, surface: Surface) -> bool:
         """Fit the slopes of another surface; False where too much has changed for that."""
-        slopes, share = self._blocks.now(surface)
-        alone = self._blocks.nodes == 1
+        slopes, share = self.blocks.now(surface)
+        alone = self.blocks.nodes == 1
         if np.count_nonzero(share[alone] == 0) > _LOST * np.count_nonzero(alone):
             return False
         read = np.where(share >= _LEAST_SHARE, share, 0.0)
-        self.mean = load_slopes.followed(
-            self.terms, self._gain, self._kept, self._limit, slopes.ravel(), read, self.mean, _LATER_PASSES
-        )
+        self.mean = load_fields.followed(
+            self.terms, self._used, self._inverse, self._kept, self._limit, slopes.ravel(), read, self.mean,
+            _LATER_PASSES,
+        )  # fmt: skip
         net = self.arms[:, 0]
         change, force = np.abs(net @ (self.mean - self._first)), np.abs(net @ self._first)
         sigma = np.sqrt(np.einsum("mt,tu,mu->m", net, self.spread, net))
         return bool((change <= np.maximum(_GROWN * force, _SURELY * sigma)).all())
-
-
-def _terms(load: Loads, at_mm: Float, yielding: Yielding) -> Float:
-    """(n, 2, SHAPES) mean slopes at points (n, 4, 2) by one contact; the body adds to its net force."""
-    slopes = load_slopes.load_slopes(load, at_mm)
-    # it is smooth, and so the same all over a block
-    added = yielding.added_slopes(at_mm.mean(axis=1), load.middle_mm)
-    if added is not None:
-        slopes[:, :, 0] += added
-    return slopes
 
 
 def _change(one: Contact, other: Contact) -> float:
@@ -193,14 +190,7 @@ def _change(one: Contact, other: Contact) -> float:
     return math.hypot(one.x_mm - other.x_mm, one.y_mm - other.y_mm) + grown
 
 
-def _regular(normal: Float, right: Float, count: int) -> tuple[Float, Float]:
-    """Shares of the pressures of so many contacts, of which balls alone say how large the forces are."""
-    alone = np.concatenate([np.arange(0, SHAPES * count, SHAPES), [-2, -1]])
-    newtons = np.linalg.solve(normal[np.ix_(alone, alone)], right[alone])[:count]
-    return shares(normal, right, newtons)
-
-
 def compile_ahead() -> None:
     """Have the compiled functions ready before the first contact."""
-    for module in (load_slopes, slope_blocks):
+    for module in (load_fields, slope_blocks):
         module.compile_ahead()

@@ -1,8 +1,8 @@
 """Depth inside contacts, carried in from around them by how rubber yields.
 
-No light comes back from where something touches, but the dent around it and the border of the contact show
-how deep it goes: outside, depth is what the pressure inside makes of it, and rigid objects press in few ways
-(`zeromethod.contact.loads`). They are mixed as the nodes around say; what these leave open is sigma, which
+No light comes back from where something touches, but the slopes around and the border of the contact show how
+deep it goes: what presses there follows from them (`zeromethod.contact.force_fit`), and makes the dent inside
+as well. It is as deep as the nodes beside the border say; what they and the slopes leave open is sigma, which
 grows inwards.
 """
 
@@ -10,160 +10,154 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.contact.contact import Contact
+from zeromethod.contact.force_fit import ForceFit
 from zeromethod.contact.in_mm import MirrorPlaces
-from zeromethod.contact.loads import SHAPES, Loads, shares
+from zeromethod.contact.load_fields import load_fields
+from zeromethod.contact.loads import SHAPES
 from zeromethod.surface import Surface
 
 _BODY = 0.03
 """What the half-space and the cells leave open of a pressure's dent, relative."""
-_ALIKE = 10.0
-"""Nodes whose depths are off together, as windows overlap and slopes are summed up."""
-_NEAR, _NEAR_MM, _FAR, _FAR_MM = 1.0, 0.5, 4.0, 3.0
-_MOST = 400
-"""All nodes within a half width and 0.5 mm of a contact are used, and some to 4 of them and 3 mm; so many
-together."""
-_FEWEST = 24
+_FEWEST = 12
+"""Nodes beside a contact that must be read."""
 _LARGEST_SHARE = 0.5
-_PASSES = 3
+_STEEPEST = 0.5
+"""Least change of depth along a ray, over that at one place: where it is less, the mirror folds."""
 
 
-class _Fit(NamedTuple):
-    """Unknowns' mean (n,) and covariance (n, n); where the quadratic has its middle, and its size."""
+def carried_inside(
+    surface: Surface, contacts: Sequence[Contact], places: MirrorPlaces, fit: ForceFit | None
+) -> tuple[Surface | None, tuple[Contact, ...]]:
+    """The nodes inside contacts and in the unread rims around them; and the contacts with their depths.
 
-    mean: Float
-    spread: Float
-    middle: Float
-    size_mm: float
-
-
-def carried_inside(surface: Surface, contacts: Sequence[Contact], places: MirrorPlaces) -> Surface | None:
-    """The nodes inside contacts and in the unread rims around them; None where nothing can be said of them.
-
-    The result's valid nodes are those; none of them was measured. Their sigma has what objects' shapes leave
-    open.
+    The surface's valid nodes are those; none of them was measured. Their sigma has what objects' shapes leave
+    open. A contact's depth is that in its middle, or of a node that is deeper. No surface, and contacts as
+    they were, where nothing can be said of them.
     """
-    if not contacts:
-        return None
-    inside, around = _choose(surface, contacts)
-    sigma = surface.sigma_depth_mm[around]
-    if not inside.any() or sigma.size < _FEWEST or not np.isfinite(sigma).all():
-        return None
-    if np.count_nonzero(inside) > _LARGEST_SHARE * np.count_nonzero(surface.on_mirror):
-        return None
-    loads = [Loads.of(contact) for contact in contacts]
-    at = np.stack([surface.x_mm[around], surface.y_mm[around]], axis=-1)
-    fit = _fitted(loads, at, surface.depth_mm[around], sigma)
-    depth = np.zeros(np.count_nonzero(inside))
-    for _ in range(_PASSES):
-        where = places.at_depth(inside, depth)
-        terms = _depth_terms(loads, where, fit)
-        depth = (terms * fit.mean).sum(axis=1)
-    steep = _slope_terms(loads, where, fit)
-    slope = np.einsum("ntk,t->nk", steep, fit.mean)
+    nothing = None, tuple(contacts)
+    if fit is None:
+        return nothing
+    inside = _holes(surface, contacts)
+    count = np.count_nonzero(inside)
+    if not 0 < count <= _LARGEST_SHARE * np.count_nonzero(surface.on_mirror):
+        return nothing
+    beside = _Beside.of(surface, contacts, fit)
+    if beside is None:
+        return nothing
+    nearest = _nearest(np.stack([surface.x_mm[inside], surface.y_mm[inside]], axis=-1), contacts)
+    middles = np.array([(one.x_mm, one.y_mm) for one in contacts])
+    at = np.concatenate([places.at_depth(inside, beside.depth_mm[nearest]), middles])
+    nearest = np.append(nearest, np.arange(len(contacts)))
+    fields = np.concatenate(
+        [load_fields(load, at, np.zeros_like(at), within=True) for load in fit.loads], axis=2
+    )
+    steep = np.concatenate([fields[:, 1:], np.broadcast_to(np.eye(2), (len(at), 2, 2))], axis=2)
+    slope = np.einsum("nkt,t->nk", steep, fit.mean)
+    away = at - beside.at_mm[nearest]
+    terms = np.concatenate([fields[:, 0] - beside.terms[nearest], away], axis=1)
+    depth = beside.depth_mm[nearest] + np.einsum("nt,t->n", terms, fit.mean)
+    # deeper nodes are seen elsewhere, where the mirror is as much deeper again as it slopes
+    deeper, per_mm = depth - beside.depth_mm[nearest], np.zeros_like(at)
+    per_mm[:count] = places.at_depth(inside, beside.depth_mm[nearest[:count]] + 1.0) - at[:count]
+    deeper /= np.maximum(1 - (slope * per_mm).sum(axis=1), _STEEPEST)
+    depth, moved = beside.depth_mm[nearest] + deeper, deeper[:, None] * per_mm
     # at a rim that sticks, or a sharp one, depth falls so fast that its place counts
     edge = max(contact.sigma_edge_mm for contact in contacts)
-    variance = np.einsum("nt,tu,nu->n", terms, fit.spread, terms) + edge**2 * (slope**2).sum(axis=1)
+    variance = beside.sigma_mm[nearest] ** 2 + edge**2 * (slope**2).sum(axis=1)
+    variance += (np.einsum("nt,tu->nu", terms, fit.spread) * terms).sum(axis=1)
+    size = np.repeat([one.sigma_area_mm2 / (2 * one.area_mm2) for one in contacts], SHAPES)
+    # shape by shape: where a ball sticks, its pressure and the rim's nearly cancel
+    open_share = (size**2 + _BODY**2) * fit.mean[:-2] ** 2
+    variance += np.einsum("nt,t->n", terms[:, :-2] ** 2, open_share)
+    bent = np.sqrt((np.einsum("nkt,tu->nku", steep, fit.spread) * steep).sum(axis=2))
+    found = np.column_stack([depth, np.sqrt(variance), slope, bent, at + moved])
+    return _surface(surface, inside, found[:count]), _with_depths(contacts, found, nearest)
+
+
+def _with_depths(contacts: Sequence[Contact], found: Float, nearest: NDArray[np.intp]) -> tuple[Contact, ...]:
+    """found: (points, 2 + ...) depth and its sigma, the last those in the contacts' middles."""
+    deep = []
     for k, contact in enumerate(contacts):
-        own = slice(SHAPES * k, SHAPES * (k + 1))
-        size = contact.sigma_area_mm2 / (2 * contact.area_mm2)
-        # shape by shape: where a ball sticks, its pressure and the rim's nearly cancel
-        variance += (size**2 + _BODY**2) * ((terms[:, own] * fit.mean[own]) ** 2).sum(axis=1)
-    bent = np.sqrt(np.einsum("ntk,tu,nuk->nk", steep, fit.spread, steep))
-    return _surface(surface, inside, where, (depth, np.sqrt(variance)), (slope, bent))
+        middle = found[len(found) - len(contacts) + k, :2]
+        away = np.hypot(*(found[:, -2:] - (contact.x_mm, contact.y_mm)).T)
+        own = found[(nearest == k) & (away < contact.major_mm / 2), :2]
+        depth, sigma = max([middle, *own], key=lambda row: abs(row[0]))
+        # there may be a tip all the same
+        sigma = max(sigma, middle[1])
+        deep.append(replace(contact, depth_mm=float(depth), sigma_depth_mm=float(sigma)))
+    return tuple(deep)
 
 
-def _choose(surface: Surface, contacts: Sequence[Contact]) -> tuple[Mask, Mask]:
-    """Nodes (rows, cols) in the holes that contacts make, and the measured ones around that are used."""
+class _Beside:
+    """The mirror beside each contact, where it is read.
+
+    at_mm: (contacts, 2) mean place; depth_mm, sigma_mm: (contacts,) mean depth; terms: (contacts, t) of it by
+    each share of a pressure.
+    """
+
+    def __init__(self, at_mm: Float, depth_mm: Float, sigma_mm: Float, terms: Float) -> None:
+        self.at_mm, self.depth_mm, self.sigma_mm, self.terms = at_mm, depth_mm, sigma_mm, terms
+
+    @classmethod
+    def of(cls, surface: Surface, contacts: Sequence[Contact], fit: ForceFit) -> _Beside | None:
+        """By the nodes that stand alone in the fit; None where a contact has too few."""
+        node = fit.alone
+        at = np.stack([surface.x_mm.ravel()[node], surface.y_mm.ravel()[node]], axis=-1)
+        depth, sigma = surface.depth_mm.ravel()[node], surface.sigma_depth_mm.ravel()[node]
+        read = surface.valid.ravel()[node] & np.isfinite(sigma)
+        nearest = _nearest(at, contacts)
+        rows = []
+        for k in range(len(contacts)):
+            own = read & (nearest == k)
+            if np.count_nonzero(own) < _FEWEST:
+                return None
+            left = depth[own] - np.einsum("nt,t->n", fit.depths[own], fit.mean[:-2])
+            rows.append(
+                (at[own].mean(axis=0), depth[own].mean(), np.hypot(sigma[own].mean(), left.std()),
+                 fit.depths[own].mean(axis=0))
+            )  # fmt: skip
+        return cls(*(np.array(part) for part in zip(*rows, strict=True)))
+
+
+def _nearest(at_mm: Float, contacts: Sequence[Contact]) -> NDArray[np.intp]:
+    """(n,) which contact's border each point (n, 2) is nearest to, as if all were round."""
+    away = [np.hypot(*(at_mm - (one.x_mm, one.y_mm)).T) - one.major_mm / 2 for one in contacts]
+    return np.asarray(np.argmin(away, axis=0))
+
+
+def _holes(surface: Surface, contacts: Sequence[Contact]) -> Mask:
+    """Nodes (rows, cols) in the holes that contacts make."""
     unknown = surface.on_mirror & ~surface.valid
     _, labels = cv2.connectedComponents(unknown.view(np.uint8), connectivity=4)
-    inside, near, far = (np.zeros(unknown.shape, bool) for _ in range(3))
+    inside = np.zeros(unknown.shape, bool)
     for contact in contacts:
         away = np.hypot(surface.x_mm - contact.x_mm, surface.y_mm - contact.y_mm) - contact.major_mm / 2
         holes = np.unique(labels[(away < 0) & unknown])
         inside |= np.isin(labels, holes[holes > 0])
-        near |= away < _NEAR * contact.minor_mm / 2 + _NEAR_MM
-        far |= away < _FAR * contact.minor_mm / 2 + _FAR_MM
-    near, far = near & surface.valid, far & surface.valid
-    return inside, _thinned(near, _MOST // 2) | _thinned(far & ~near, _MOST // 2)
+    return inside
 
 
-def _thinned(nodes: Mask, most: int) -> Mask:
-    """At most that many of the nodes, evenly."""
-    found = np.flatnonzero(nodes)
-    few = np.zeros(nodes.shape, bool)
-    few.ravel()[found[:: -(-len(found) // most) or 1]] = True
-    return few
-
-
-def _quadratic(at_mm: Float, fit_middle: Float, size_mm: float) -> Float:
-    x, y = ((at_mm - fit_middle) / size_mm).T
-    return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
-
-
-def _depth_terms(loads: list[Loads], at_mm: Float, fit: _Fit) -> Float:
-    """(n, terms) depth of each unknown: a contact's pressures, then a quadratic.
-
-    The quadratic stands for everything further away, and for the body's other faces.
-    """
-    return np.concatenate(
-        [*(one.depth(at_mm) for one in loads), _quadratic(at_mm, fit.middle, fit.size_mm)], 1
-    )
-
-
-def _slope_terms(loads: list[Loads], at_mm: Float, fit: _Fit) -> Float:
-    """(n, terms, 2) slope of each unknown."""
-    x, y = ((at_mm - fit.middle) / fit.size_mm).T
-    one, zero = np.ones_like(x), np.zeros_like(x)
-    along = np.stack([zero, one, zero, 2 * x, y, zero], axis=-1)
-    across = np.stack([zero, zero, one, zero, x, 2 * y], axis=-1)
-    quadratic = np.stack([along, across], axis=-1) / fit.size_mm
-    return np.concatenate([*(one.slope(at_mm) for one in loads), quadratic], axis=1)
-
-
-def _fitted(loads: list[Loads], at_mm: Float, depth: Float, sigma: Float) -> _Fit:
-    """The pressures that the depths (n,) around say, sigma (n,) their standard deviation."""
-    middle = np.mean([one.cells.mean(axis=0) for one in loads], axis=0)
-    blank = _Fit(np.zeros(0), np.zeros((0, 0)), middle, float(np.abs(at_mm - middle).max()))
-    terms = _depth_terms(loads, at_mm, blank) / sigma[:, None]
-    wanted = depth / sigma
-    count = terms.shape[1]
-    force = np.arange(0, SHAPES * len(loads), SHAPES)
-    alone = np.concatenate([force, np.arange(SHAPES * len(loads), count)])
-    # balls alone say how large the forces are, and so how much is open
-    newtons = np.asarray(np.linalg.lstsq(terms[:, alone], wanted, rcond=None)[0][: len(loads)], np.float64)
-    normal = np.einsum("nt,nu->tu", terms, terms)
-    mean, known = shares(normal, (terms * wanted[:, None]).sum(axis=0), newtons, _ALIKE)
-    left = float(((wanted - (terms * mean).sum(axis=1)) ** 2).sum()) / max(len(depth) - count, 1)
-    return blank._replace(mean=mean, spread=_ALIKE * max(left, 1.0) * np.linalg.inv(known))
-
-
-def _surface(
-    surface: Surface, nodes: Mask, at_mm: Float, depth: tuple[Float, Float], slope: tuple[Float, Float]
-) -> Surface:
-    """The carried nodes (rows, cols) as a surface; depth (n,), slope (n, 2), each with its sigma."""
-
-    def filled(values: Float) -> Float:
-        lattice = np.full(nodes.shape + values.shape[1:], np.nan)
-        lattice[nodes] = values
-        return lattice
-
-    x_mm, y_mm = surface.x_mm.copy(), surface.y_mm.copy()
-    x_mm[nodes], y_mm[nodes] = at_mm.T
+def _surface(surface: Surface, nodes: Mask, found: Float) -> Surface:
+    """The carried nodes (rows, cols) as a surface; found: (n, 8) depth, sigma, slope, its sigma, place."""
+    filled = np.full((*nodes.shape, found.shape[1]), np.nan)
+    filled[..., -2:] = np.stack([surface.x_mm, surface.y_mm], axis=-1)
+    filled[nodes] = found
+    depth, sigma, _, _, _, _, x, y = np.moveaxis(filled, -1, 0).copy()
     return replace(
         surface,
-        depth_mm=filled(depth[0]),
-        sigma_depth_mm=filled(depth[1]),
-        slope=filled(slope[0]),
-        sigma_slope=filled(slope[1]),
-        x_mm=x_mm,
-        y_mm=y_mm,
+        depth_mm=depth,
+        sigma_depth_mm=sigma,
+        slope=filled[..., 2:4].copy(),
+        sigma_slope=filled[..., 4:6].copy(),
+        x_mm=x,
+        y_mm=y,
         valid=nodes,
         cut_off=None,
         curl=None,

@@ -5,6 +5,7 @@ Source: Johnson 1985, Contact Mechanics, 3.2 to 5.2, doi:10.1017/CBO978113917173
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,11 +16,15 @@ from zeromethod.contact.polygon import evenly
 
 SHAPES = 8
 """Pressures of a contact; the first is a ball's, the others sum up to no force."""
-_RINGS, _RAYS = 9, 40
-_OPEN = 0.7
-"""Standard deviation, before anything was read, of the share of force that presses otherwise than a ball
-does: 1 for a punch or a cone, and a ball is between the two."""
-_PASSES = 3
+RINGS, _RAYS = 9, 40
+"""Cells of a contact: ring by ring from its middle."""
+_GAUSS = np.polynomial.legendre.leggauss(RINGS)
+_OPEN = np.array([0.7, 0.7, 0.7, 0.7, 0.2, 0.2, 0.2])
+"""Standard deviations, before anything was read, of the shares of force that press otherwise than a ball
+does: 1 for a punch or a cone, and a ball is between the two; what is bent is less than that."""
+_LEAST = 0.002
+"""Force over radius^2, in 1 / (pi E*), as which a smaller one counts for that: a ball that sticks may press
+in its middle as much as it pulls at its border."""
 _OWN = 0.2837
 """A cell acts on itself as from that share of its side: the mean of 1 / distance over a square."""
 
@@ -54,8 +59,7 @@ class Loads:
         border = evenly(contact.outline_mm, _RAYS) - middle
         across = np.roll(border, -1, axis=0) - np.roll(border, 1, axis=0)
         sector = 0.5 * np.abs(border[:, 0] * across[:, 1] - border[:, 1] * across[:, 0])
-        at, weight = np.polynomial.legendre.leggauss(_RINGS)
-        theta, weight = np.pi / 4 * (at + 1), np.pi / 4 * weight
+        theta, weight = np.pi / 4 * (_GAUSS[0] + 1), np.pi / 4 * _GAUSS[1]
         rho, depth = np.sin(theta), np.cos(theta)
         # pressure x rho d(rho)
         rings = np.stack([rho * depth**2, rho, np.arccosh(1 / rho) * rho * depth]) * weight
@@ -76,40 +80,17 @@ class Loads:
         """(2,) where a ball's force acts."""
         return np.asarray(np.einsum("c,ck->k", self.forces[0], self.cells))
 
-    def depth(self, at_mm: Float) -> Float:
-        """Depth (n, SHAPES) at points (n, 2), mm, in 1 / (pi E*) of a newton."""
-        return _products(self._near(at_mm), self.forces)
 
-    def slope(self, at_mm: Float) -> Float:
-        """Slope (n, SHAPES, 2) at points (n, 2), in 1 / (pi E*) of a newton."""
-        cube = self._near(at_mm) ** 3
-        away = [at_mm[:, k, None] - self.cells[:, k] for k in (0, 1)]
-        return -np.stack([_products(cube * way, self.forces) for way in away], axis=-1)
-
-    def _near(self, at_mm: Float) -> Float:
-        """1 / distance of points from cells (n, cells)."""
-        x, y = (at_mm[:, k, None] - self.cells[:, k] for k in (0, 1))
-        return np.asarray(1.0 / np.sqrt(x * x + y * y + self.own2_mm2))
-
-
-def _products(near: Float, forces: Float) -> Float:
-    """(n, SHAPES) sums over cells. Not by the linear algebra library: its threads change the last bit."""
-    return np.asarray(np.einsum("nc,sc->ns", near, forces))
-
-
-def shares(normal: Float, right: Float, newtons: Float, alike: float = 1.0) -> tuple[Float, Float]:
+def shares(normal: Float, right: Float, loads: Sequence[Loads]) -> tuple[Float, Float]:
     """Shares (t,) of all contacts' pressures that solve normal equations, and these (t, t) with what is open.
 
-    The pressures come first, contact by contact; those without a net force are as large as needed, not more.
-    newtons: (contacts,) forces if all were balls. alike: number of values that are off together.
+    The pressures come first, contact by contact; those without a net force are about as large as it.
     """
-    count = SHAPES * len(newtons)
-    for _ in range(_PASSES):
-        known = normal.copy()
-        for k, own in zip(range(0, count, SHAPES), newtons, strict=True):
-            parts = np.arange(k + 1, k + SHAPES)
-            known[parts, parts] += alike / max((_OPEN * float(own)) ** 2, 1e-30)
-        mean = np.asarray(np.linalg.solve(known, right), np.float64)
-        # of balls that stick it is the parts that say how much is open
-        newtons = np.maximum(np.abs(newtons), np.abs(mean[:count]).reshape(-1, SHAPES).max(axis=1))
-    return mean, known
+    count = SHAPES * len(loads)
+    parts = np.flatnonzero(np.arange(count) % SHAPES)
+    alone = np.delete(np.arange(len(right)), parts)
+    balls = np.linalg.solve(normal[np.ix_(alone, alone)], right[alone])[: len(loads)]
+    newtons = np.maximum(np.abs(balls), [_LEAST * load.area_mm2.sum() / np.pi for load in loads])
+    known = normal.copy()
+    known[parts, parts] += np.outer(newtons, _OPEN).ravel() ** -2
+    return np.asarray(np.linalg.solve(known, right), np.float64), known

@@ -13,16 +13,15 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from zeromethod.arrays import Float, Mask
+from zeromethod.arrays import Float, Mask, Single
 from zeromethod.contact.contact import Contact
 from zeromethod.surface import Surface
 
 _NEAR_MM = 1.0
 """Nodes within a contact's smaller axis and so many mm of its border stand alone; those up to twice as far
 are in blocks of 2 x 2, and so on."""
-_LARGEST = 8
+LARGEST = 8
 _SUMS = 11
-_CORNERS = np.array([(-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)])
 _RIM, _RIM_NODES = 0.1, 0.8
 """Windows reach across a hole's rim: slopes are off by 5 to 15 % at the first node, which is left out, by one
 at the next, and less beyond. Relative error where nodes end, and over how many nodes it falls to a third."""
@@ -34,9 +33,9 @@ class SlopeBlocks:
     """Which nodes make a block, and what is known of its mean slope.
 
     slope: (n, 2) when the blocks were made, and its variance (n, 2) by noise of nodes that is independent.
-    rim: (n,) relative error that rims of unread nodes leave open. nodes: (n,) of each block. at_mm: (n, 4, 2)
-    points whose mean slope is the block's, to third order; one and the same of a node alone. block, weight:
-    (rows, cols) to which block a node counts, -1 for none, and how much.
+    rim: (n,) relative error that rims of unread nodes leave open. nodes: (n,) of each block. at_mm,
+    spread_mm2: (n, 2) its middle, and the variance of its nodes' places along x and y. block, weight: (rows,
+    cols) to which block a node counts, -1 for none, and how much.
     """
 
     slope: Float
@@ -44,26 +43,31 @@ class SlopeBlocks:
     rim: Float
     nodes: Float
     at_mm: Float
+    spread_mm2: Float
     block: NDArray[np.int64]
     weight: Float
 
     @classmethod
     def of(cls, surface: Surface, contacts: Sequence[Contact]) -> SlopeBlocks:
         """All valid nodes of a surface, in blocks; those alone come first."""
-        middles = np.array([(c.x_mm, c.y_mm, c.major_mm / 2, c.minor_mm + _NEAR_MM) for c in contacts])
+        middles = np.array([(c.x_mm, c.y_mm, c.major_mm / 2, c.minor_mm / 2 + _NEAR_MM) for c in contacts])
         whole = surface.valid | ~surface.on_mirror
-        away = cv2.distanceTransform(whole.view(np.uint8), cv2.DIST_L2, 3).astype(np.float64)
+        away = np.asarray(cv2.distanceTransform(whole.view(np.uint8), cv2.DIST_L2, 3), np.float32)
         block, weight, sums = _summed(
-            surface.slope, surface.sigma_slope, surface.x_mm, surface.y_mm, _usable(surface),
-            _RIM * np.exp(-away / _RIM_NODES), middles, _LARGEST,
+            surface.slope, surface.sigma_slope, surface.x_mm, surface.y_mm, _usable(surface), away, middles,
+            LARGEST,
         )  # fmt: skip
-        mean = sums[:, 1:-1] / sums[:, :1]
-        spread = np.maximum(mean[:, 2:4] - mean[:, :2] ** 2, 0.0)
-        # rounding makes no places apart of a node alone
-        spread[spread < 1e-9 * mean[:, 2:4]] = 0.0
-        at = mean[:, None, :2] + np.sqrt(spread)[:, None] * _CORNERS
+        mean, nodes = sums[:, 1:-1] / sums[:, :1], sums[:, -1]
+        spread = np.where(nodes[:, None] > 1, np.maximum(mean[:, 2:4] - mean[:, :2] ** 2, 0.0), 0.0)
         variance = mean[:, 6:8] / sums[:, :1]
-        return cls(mean[:, 4:6], variance, mean[:, 8], sums[:, -1], at, block, weight)
+        return cls(mean[:, 4:6], variance, mean[:, 8], nodes, mean[:, :2].copy(), spread, block, weight)
+
+    def alone(self) -> NDArray[np.int64]:
+        """(blocks of one node,) which nodes they are, counted along rows."""
+        used = np.flatnonzero(self.block >= 0)
+        block = self.block.ravel()[used]
+        alone = self.nodes[block] == 1
+        return np.asarray(used[alone][np.argsort(block[alone])])
 
     def now(self, surface: Surface) -> tuple[Float, Float]:
         """Slopes (n, 2) of another reading, times the share (n,) of each block that is read in it."""
@@ -83,14 +87,14 @@ def _summed(
     x_mm: Float,
     y_mm: Float,
     valid: Mask,
-    rim: Float,
+    away_nodes: Single,
     middles: Float,
     largest: int,
 ) -> tuple[NDArray[np.int64], Float, Float]:
     """Each node's block, -1 for none, and its weight, (rows, cols); sums (blocks, 11) over their nodes.
 
     Sums of weights, and of weights times x, y, x^2, y^2, slopes, variance times weight, and rim; of nodes.
-    middles: (contacts, 4) x, y, half size, and reach beyond it.
+    away_nodes: distance from unread nodes. middles: (contacts, 4) x, y, half size, and reach beyond it.
     """
     rows, cols = valid.shape
     starts = [0]
@@ -108,7 +112,7 @@ def _summed(
             x, y = x_mm[i, j], y_mm[i, j]
             away = np.inf
             for k in range(len(middles)):
-                beyond = np.hypot(x - middles[k, 0], y - middles[k, 1]) - middles[k, 2]
+                beyond = np.sqrt((x - middles[k, 0]) ** 2 + (y - middles[k, 1]) ** 2) - middles[k, 2]
                 away = min(away, beyond / middles[k, 3])
             level, side = 0, 1
             while side < largest and away > side:
@@ -125,7 +129,8 @@ def _summed(
             for c in range(2):
                 own[5 + c] += weight * slope[i, j, c]
                 own[7 + c] += weight * weight * sigma[i, j, c] ** 2
-            own[9] += weight * rim[i, j]
+            if away_nodes[i, j] < 10 * _RIM_NODES:
+                own[9] += weight * _RIM * np.exp(-away_nodes[i, j] / _RIM_NODES)
             own[10] += 1.0
     number = np.cumsum(sums[:, 0] > 0.0) - 1
     for i in range(rows):
@@ -154,5 +159,5 @@ def _means(
 def compile_ahead() -> None:
     """Have the compiled functions ready before the first contact."""
     one, two, valid = np.ones((1, 1)), np.ones((1, 1, 2)), np.ones((1, 1), np.bool_)
-    block, weight, _ = _summed(two, two, one, one, valid, one, np.ones((1, 4)), _LARGEST)
+    block, weight, _ = _summed(two, two, one, one, valid, one.astype(np.float32), np.ones((1, 4)), LARGEST)
     _means(two, valid, block, weight, 1)

@@ -25,7 +25,7 @@ from zeromethod.design.noise_floor import (
 )
 from zeromethod.design.sampled_view import SampledView, median_over
 from zeromethod.errors import InputError
-from zeromethod.sensing.unwrap import STEEPEST
+from zeromethod.sensing.known_order import STEEPEST
 from zeromethod.warp.jacobian import FEWEST_LCD_PX
 
 PERIODS_PX = (8, 10, 12, 14, 16, 18, 20, 24, 28, 32, 40, 48, 56, 64)

@@ -115,20 +115,45 @@ def lit_share_per_s(start_ns: float, end_ns: float, change_ns: Float, tau_ns: fl
     return np.asarray(-1e9 * (risen(end_ns) - risen(start_ns)) / (end_ns - start_ns))
 
 
+@numba.njit(cache=True)
+def lit_at(start: float, end: float, change: float, tau: float) -> float:
+    """Mean light over the exposure of a pixel that starts to change at `change`, 0..1."""
+    if change >= end:
+        return 0.0
+    since = max(change, start)
+    lit = end - since
+    if tau > 0.0:
+        lit -= tau * (math.exp(-(since - change) / tau) - math.exp(-(end - change) / tau))
+    return lit / (end - start)
+
+
+@numba.njit(cache=True)
+def _fill_weights(
+    changes: Float, scanout: float, half: float, tau: float, complete: bool, weights: Float, dark: Float
+) -> None:
+    """Fill what `entry_weights` returns. changes: (k,) when the first row starts to; half: the exposure."""
+    last = weights.shape[1] - 1
+    for n in range(last + 1):
+        after = 0.0
+        for k in range(changes.size - 1, -1, -1):
+            lit = lit_at(-half, half, changes[k] + scanout * (n / last), tau) if k or complete else 1.0
+            weights[k, n] = lit - after
+            after = lit
+        dark[n] = 1.0 - after
+
+
 def entry_weights(times_ns: Ints, complete: bool, frame: Frame, timing: PanelTiming) -> tuple[Float, Float]:
     """Weight of every presentation in the exposure of `frame` at `TABLE_ROWS` rows, in scan-out order.
 
     Returns ((k, n) weights, (n,) share of light from before the first entry). The share is 0 when older
     entries are no longer in the log (`complete` False): the oldest entry then stands for them.
     """
-    half = 0.5 * frame.exposure_ns
-    lit = lit_share(-half, half, _changes_ns(times_ns, frame, timing), timing.tau_ns)
-    dark = 1 - lit[0]
-    if not complete:
-        lit[0] = 1.0
-        dark = np.zeros(TABLE_ROWS)
-    lit[:-1] -= lit[1:]
-    return lit, dark
+    weights, dark = np.empty((len(times_ns), TABLE_ROWS)), np.empty(TABLE_ROWS)
+    # Relative to mid-exposure, as nanoseconds since boot need more digits than a double has to spare.
+    changes = np.asarray(times_ns - frame.time_ns, dtype=np.float64) + timing.latency_ns
+    panel = timing.scanout_ns, 0.5 * frame.exposure_ns, timing.tau_ns
+    _fill_weights(changes, *panel, complete, weights, dark)
+    return weights, dark
 
 
 def late_weights_per_s(times_ns: Ints, complete: bool, frame: Frame, timing: PanelTiming) -> Float:
@@ -142,8 +167,7 @@ def late_weights_per_s(times_ns: Ints, complete: bool, frame: Frame, timing: Pan
 
 
 def _changes_ns(times_ns: Ints, frame: Frame, timing: PanelTiming) -> Float:
-    """(k, n) when the rows start to change, from mid-exposure on."""
-    # Relative to mid-exposure, as nanoseconds since boot need more digits than a double has to spare.
+    """(k, n) when the rows start to change, from mid-exposure on; see `entry_weights`."""
     return ((times_ns - frame.time_ns) + timing.latency_ns)[:, None] + timing.scanout_ns * _SCAN
 
 
@@ -277,5 +301,7 @@ def _age_ns(log: PresentationLog, index: Ints, weights: Float, time_ns: int) -> 
     seen = [log.source_ns(int(k)) for k in index]
     if None in seen:
         return None
-    ages = np.array([time_ns - one for one in seen if one is not None], dtype=np.float64)
-    return ages @ weights
+    ages: Float = sum(
+        float(time_ns - one) * row for one, row in zip(seen, weights, strict=True) if one is not None
+    )
+    return ages

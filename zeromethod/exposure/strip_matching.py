@@ -22,7 +22,7 @@ import numpy as np
 
 from zeromethod.arrays import Float, Ints, Mask
 from zeromethod.devices.protocols import Frame
-from zeromethod.exposure.pairing import PanelTiming
+from zeromethod.exposure.pairing import PanelTiming, lit_at
 from zeromethod.exposure.presentation_log import PresentationLog
 from zeromethod.exposure.strip_reading import StripReading
 from zeromethod.pattern.strips import CODES, bits_of
@@ -79,18 +79,6 @@ class Match:
 
 
 @numba.njit(cache=True)
-def _lit(start: float, end: float, change: float, tau: float) -> float:
-    """Mean light over the exposure of a pixel that starts to change at `change`, 0..1."""
-    if change >= end:
-        return 0.0
-    since = max(change, start)
-    lit = end - since
-    if tau > 0.0:
-        lit -= tau * (math.exp(-(since - change) / tau) - math.exp(-(end - change) / tau))
-    return lit / (end - start)
-
-
-@numba.njit(cache=True)
 def _misfit(
     x: float,
     times: Float,
@@ -111,7 +99,7 @@ def _misfit(
             i = last
             lit = 0.0
             while i >= 0:
-                lit = _lit(start, end, times[i] + x + scan[r, k], tau)
+                lit = lit_at(start, end, times[i] + x + scan[r, k], tau)
                 if lit > _LIT or i == 0:
                     break
                 level += lit * (bits[i, k] - bits[i - 1, k])

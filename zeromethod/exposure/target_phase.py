@@ -104,15 +104,14 @@ class TargetPhase:
         late_per_s: (k, n) share of each, and its change per second of lateness. node_rows: (rows, cols) LCD
         rows at which the nodes look.
         """
-        phasors = np.exp(1j * turns)
-        total, change = weights.T @ phasors, late_per_s.T @ phasors
-        panel, per_row = (sight.rows, sight.upwards), (len(total) - 1) / (sight.rows - 1)
-        blur = 1j * sight.blur_rows * (-per_row if sight.upwards else per_row)
-        total, change = (one + blur * np.gradient(one, axis=0) for one in (total, change))
-        window = _window(sight.window_rows * per_row)
-        of_nodes = _polar(*(_averaged(one, window) for one in (total, change)))
-        at_nodes = _at(np.stack(of_nodes), node_rows, *panel)
-        return cls(*_polar(total, change), *panel, diagonal, at_nodes[0], at_nodes[1], at_nodes[2])
+        rows = weights.shape[1]
+        both = (np.concatenate([weights, late_per_s], axis=1).T @ np.exp(1j * turns)).reshape(2, rows, 2)
+        panel, per_row = (sight.rows, sight.upwards), (rows - 1) / (sight.rows - 1)
+        both += 1j * sight.blur_rows * (-per_row if sight.upwards else per_row) * _gradient(both)
+        whole, of_nodes = _polar(both), _polar(_averaged(both, _window(sight.window_rows * per_row)))
+        at_nodes = _at(of_nodes, node_rows, *panel)
+        rad, contrast, late = whole
+        return cls(rad, contrast, late, *panel, diagonal, at_nodes[0], at_nodes[1], at_nodes[2])
 
     def node_px(self, period_px: float) -> Float:
         """(rows, cols, 2) camera px: the phase at the nodes as a displacement along u and v."""
@@ -131,10 +130,26 @@ class TargetPhase:
         return rad, contrast, late
 
 
-def _polar(total: Complex, change: Complex) -> tuple[Float, Float, Float]:
-    """(rad, contrast, late_rad_per_s) of (n, 2) phasors and their change per second of lateness."""
-    contrast = np.maximum(np.abs(total), LEAST_CONTRAST)
-    return np.unwrap(np.angle(total), axis=0), contrast, (change * total.conj()).imag / contrast**2
+def _polar(both: Complex) -> Float:
+    """(3, n, 2) of rad, contrast, late_rad_per_s, by (2, n, 2) phasors and their change per s of lateness."""
+    total, change = both
+    out = np.empty((3, *total.shape))
+    out[0] = np.angle(total)
+    turns = np.rint(np.diff(out[0], axis=0) / (2 * np.pi))
+    if turns.any():
+        out[0, 1:] -= 2 * np.pi * np.cumsum(turns, axis=0)
+    np.maximum(np.abs(total), LEAST_CONTRAST, out=out[1])
+    out[2] = (change * total.conj()).imag / out[1] ** 2
+    return out
+
+
+def _gradient(values: Complex) -> Complex:
+    """(k, n, 2) change from row to row."""
+    out = np.empty_like(values)
+    step = values[:, 1:] - values[:, :-1]
+    out[:, 0], out[:, -1] = step[:, 0], step[:, -1]
+    out[:, 1:-1] = 0.5 * (step[:, 1:] + step[:, :-1])
+    return out
 
 
 def _window(reach: float) -> Float:
@@ -147,10 +162,12 @@ def _window(reach: float) -> Float:
 
 
 def _averaged(phasors: Complex, window: Float) -> Complex:
-    """(n, 2) averaged over a window of rows; beyond the panel as in its last row."""
-    half = len(window) // 2
-    padded = np.pad(phasors, ((half, half), (0, 0)), mode="edge")
-    averaged: Complex = np.lib.stride_tricks.sliding_window_view(padded, len(window), axis=0) @ window
+    """(k, n, 2) averaged over a window of rows; beyond the panel as in its last row."""
+    half, rows = len(window) // 2, phasors.shape[1]
+    padded = phasors[:, np.clip(np.arange(-half, rows + half), 0, rows - 1)]
+    averaged = np.zeros_like(phasors)
+    for k, weight in enumerate(window):
+        averaged += weight * padded[:, k : k + rows]
     return averaged
 
 

@@ -18,6 +18,7 @@ from zeromethod.arrays import Float, Image, Mask, Single
 from zeromethod.decoding.burst import RADIUS_PX, moves, node_places, pixel_places
 from zeromethod.exposure.pairing import Observation
 from zeromethod.loop.failing_nodes import REACH_NODES, FailingNodes, grown
+from zeromethod.loop.node_figures import quiet_share
 from zeromethod.pattern.coded import MOST_PARTS, PICTURES, SHIFTS, Coded
 from zeromethod.sensing.residual import Residual
 from zeromethod.warp.rest import Rest
@@ -254,9 +255,7 @@ class Burst:
 
     def _at_rest(self, measured: Warp, thought: Float, apart: Mask) -> bool:
         """Whether nodes other than these stay where they were."""
-        others = measured.valid & ~apart
-        away = np.abs(measured.q[others] - thought[others]).max(axis=-1)
-        return bool(len(away) and np.mean(away < QUIET_LCD_PX) > QUIET_SHARE)
+        return quiet_share(measured.q, thought, measured.flags, apart, QUIET_LCD_PX) > QUIET_SHARE
 
     def merge(self, measured: Warp) -> Mask | None:
         """Put what is known otherwise into a measured warp; the nodes (rows, cols) of that, None for none."""

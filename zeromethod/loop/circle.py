@@ -232,12 +232,11 @@ class Circle:
         if order is not Order.KNOWN:
             changed = self._commanded_q is not drawn
         changed |= redraw
-        nulled = measured.valid if read is None else measured.valid & ~read
-        square, share, covered = node_figures(
-            residual.d, nulled, measured.valid, self.rest.visible, measured.flags
-        )
+        valid = measured.valid
+        nulled = valid if read is None else valid & ~read
+        square, share, covered = node_figures(residual.d, nulled, valid, self.rest.visible, measured.flags)
         rms_px = float(np.sqrt(square))
-        self._unlearned = observation.shown.q, self.rest.q, residual, measured.valid, rms_px
+        self._unlearned = observation.shown.q, self.rest.q, residual, valid, rms_px
         seen = residual, measured, rms_px, share, covered
         burst = self.burst
         coded = (False, False) if burst is None else (burst.blinding, burst.unread)

@@ -113,15 +113,11 @@ class FailingNodes:
         failing: Mask = np.empty_like(self._never)
         if not (_cannot(flags, rest.visible, self._never, failing) or self._left.any()):
             return None
-        there = warp_flags(
-            thought,
-            rest.q,
-            grid.period_px,
-            rest.display_size,
-            spacing_px=grid.spacing_px,
-            rest_areas=rest.areas,
-        )
-        failing &= there & _OFF_DISPLAY == 0
+        around = _around(failing)
+        here, spacing_px = (thought[around], rest.q[around]), grid.spacing_px
+        areas = rest.areas[around]
+        there = warp_flags(*here, grid.period_px, rest.display_size, spacing_px=spacing_px, rest_areas=areas)
+        failing[around] &= there & _OFF_DISPLAY == 0
         lit = residual.mean - self._black > LIT_SHARE * (self._light - self._black)
         dark = grown(rest.visible & ~lit, REACH_NODES)
         count, patches = cv2.connectedComponents((grown(failing, 1) | dark).astype(np.uint8), connectivity=8)
@@ -155,6 +151,13 @@ def _cannot(flags: Flags, visible: Mask, never: Mask, out: Mask) -> bool:
             out[j, i] = fails & visible[j, i] & (not never[j, i])
             count += out[j, i]
     return count > 0
+
+
+def _around(nodes: Mask) -> tuple[slice, slice]:
+    """The part of the lattice with these nodes (rows, cols) and those that their derivatives reach."""
+    reached = (np.flatnonzero(nodes.any(axis=axis)) for axis in (1, 0))
+    down, across = (slice(max(at[0] - 2, 0), at[-1] + 3) if len(at) else slice(0, 0) for at in reached)
+    return down, across
 
 
 def grown(nodes: Mask, by: int) -> Mask:

@@ -158,6 +158,8 @@ def order_in_doubt(valid: Mask, trusted: Mask) -> Mask | None:
     cannot have slipped since. The largest connected region counts as known; any other only where at least
     half of it was trusted.
     """
+    if not (valid & ~trusted).any():
+        return None
     count, labels, stats, _ = cv2.connectedComponentsWithStats(valid.view(np.uint8), connectivity=4)
     if count < 3:
         return None

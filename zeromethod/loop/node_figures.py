@@ -32,6 +32,18 @@ def node_figures(d: Float, nulled: Mask, valid: Mask, seen: Mask, flags: Flags) 
 
 
 @numba.njit(cache=True)
+def quiet_share(q: Float, before: Float, flags: Flags, apart: Mask, within: float) -> float:
+    """Share of the valid nodes not apart that have moved by less, LCD px; 0 where there are none."""
+    nodes = quiet = 0
+    for j in range(flags.shape[0]):
+        for i in range(flags.shape[1]):
+            if flags[j, i] == 0 and not apart[j, i]:
+                nodes += 1
+                quiet += max(abs(q[j, i, 0] - before[j, i, 0]), abs(q[j, i, 1] - before[j, i, 1])) < within
+    return quiet / max(nodes, 1)
+
+
+@numba.njit(cache=True)
 def at_rest(
     q: Float, q_rest: Float, sigma: Float, valid: Mask, half: int, sigmas: float, within: float
 ) -> bool:

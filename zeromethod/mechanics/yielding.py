@@ -52,7 +52,8 @@ def relative_sigma(rubber: Rubber) -> float:
 class Yielding:
     """How stiff the rubber is, with its standard deviation, and what its body adds to a half-space.
 
-    modulus_mpa: E / (1 - nu^2); a force F makes a dent q / distance in a half-space, q = F / (pi modulus).
+    modulus_mpa: E / (1 - nu^2), NaN where the rig file has none; a force F makes a dent q / distance in a
+    half-space, q = F / (pi modulus).
     relative_sigma: of forces, by what is open of modulus and Poisson's ratio. Of layer and body one at most.
     other: a layer that is one standard deviation away from what is known.
     """
@@ -64,13 +65,11 @@ class Yielding:
     other: Layer | None = None
 
     @classmethod
-    def of(cls, rig: Rig) -> Yielding | None:
-        """That of a rig; None where its file does not say how stiff the rubber is."""
+    def of(cls, rig: Rig) -> Yielding:
+        """That of a rig."""
         rubber = rig.rubber
-        if rubber.youngs_modulus_mpa is None:
-            return None
         nu, relative = rubber.poisson, relative_sigma(rubber)
-        modulus = rubber.youngs_modulus_mpa / (1 - nu**2)
+        modulus = (rubber.youngs_modulus_mpa or math.nan) / (1 - nu**2)
         if "support" not in rubber.model_fields_set:
             # of a half-space, off by as much as one that is bonded as deep as this prism is
             deep = PrismGeometry(rig.prism)

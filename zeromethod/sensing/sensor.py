@@ -108,7 +108,7 @@ class ResidualSensor:
         self._node_pixels = np.ix_(rows, cols)
         self._out = Residual.empty(grid)
         self._reference_light = np.zeros([n - 2 * PADDING for n in grid.shape], np.float32)
-        self._bent = np.zeros(grid.shape[0], np.uint8)
+        self._near_edge = np.zeros(grid.shape, np.bool_)
         blank = np.zeros(grid.image_shape, np.uint16)
         self.measure(blank.astype(np.uint8) if bits <= 8 else blank)
 
@@ -190,7 +190,7 @@ class ResidualSensor:
             period = float(self.grid.period_px)
             if target_rad is not None:
                 take_out(out.d, target_rad, period)
-            flag_light_edges(out.mean, out.modulation, out.d, out.flags, self._black, period, self._bent)
+            flag_light_edges(out.mean, out.modulation, out.d, out.flags, self._black, period, self._near_edge)
             self._unwrapper.unwrap(out, guess)
         return out
 

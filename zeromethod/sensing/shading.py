@@ -16,7 +16,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from zeromethod.arrays import Bytes, Flags, Float, Single
+from zeromethod.arrays import Flags, Float, Mask, Single
 from zeromethod.rig.model import Noise
 from zeromethod.sensing.demodulate import FAST, Image
 from zeromethod.warp.grid import PADDING
@@ -59,56 +59,67 @@ def _leak(modulation: Single, d: Float, flags: Flags, period: float, r: int, c: 
 
 
 @numba.njit(cache=True, fastmath=FAST)
-def _is_bent_row(mean: Single, r: int, black: float) -> bool:
-    """Whether any node of a row may have a bend near the limit: a quick test that ignores the leak."""
-    rows, cols = mean.shape
-    share, bent, one, none = np.float32(0.3 * LARGEST_BEND), np.float32(0), np.float32(1), np.float32(0)
-    dark, two = np.float32(black), np.float32(2)
-    above, row, below = mean[max(r - 1, PADDING)], mean[r], mean[min(r + 1, rows - PADDING - 1)]
-    inside = np.float32(PADDING < r < rows - PADDING - 1)
-    for c in range(PADDING, cols - PADDING):
-        bend = inside * abs(above[c] - two * row[c] + below[c])
-        bent += one if bend > share * (row[c] - dark) else none
-    for c in range(PADDING + 1, cols - PADDING - 1):
-        bend = abs(row[c - 1] - two * row[c] + row[c + 1])
-        bent += one if bend > share * (row[c] - dark) else none
-    return bool(bent > 0)
+def _suspects(above: Single, row: Single, below: Single, inside: float, black: float, out: Mask) -> None:
+    """Nodes of a row with a bend or slope near the limit: a quick test that ignores the leak.
+
+    inside: 0 where the row has no other on one side, else 1.
+    """
+    bent, sloping = np.float32(0.3 * LARGEST_BEND), np.float32(1.99 * LARGEST_SLOPE)
+    dark, two, known, last = np.float32(black), np.float32(2), np.float32(inside), row.size - 1
+    for i in range(row.size):
+        bend, slope = known * abs(above[i] - two * row[i] + below[i]), abs(below[i] - above[i])
+        light = row[i] - dark
+        out[i] = (bend > bent * light) | (slope > sloping * light)
+    for i in range(1, last):
+        bend, slope = abs(row[i - 1] - two * row[i] + row[i + 1]), abs(row[i + 1] - row[i - 1])
+        light = row[i] - dark
+        out[i] |= (bend > bent * light) | (slope > sloping * light)
+
+
+@numba.njit(cache=True)
+def _is_edge(
+    mean: Single, modulation: Single, d: Float, flags: Flags, black: float, period: float, r: int, c: int
+) -> bool:
+    """Whether a node lies next to an edge of the light."""
+    light = max(mean[r, c] - black, 0.0)
+    for way in range(2):
+        y, x = way, 1 - way
+        if flags[r - y, c - x] & OUTSIDE or flags[r + y, c + x] & OUTSIDE:
+            continue
+        bend, slope = abs(_bend(mean, r, c, way)), 0.5 * abs(mean[r + y, c + x] - mean[r - y, c - x])
+        if bend <= LARGEST_BEND * light:
+            before = _bend(mean, r - y, c - x, way)
+            if abs(before) > LARGEST_BEND * light:
+                after = _bend(mean, r + y, c + x, way)
+                if before * after < 0:
+                    bend = min(abs(before), abs(after))
+        if bend <= LARGEST_BEND * light and slope <= LARGEST_SLOPE * light:
+            continue
+        leak = _leak(modulation, d, flags, period, r, c, way)
+        if bend > LARGEST_BEND * light + 4 * leak or slope > LARGEST_SLOPE * light + 2 * leak:
+            return True
+    return False
 
 
 @numba.njit(cache=True)
 def flag_light_edges(
-    mean: Single, modulation: Single, d: Float, flags: Flags, black: float, period: float, bent: Bytes
+    mean: Single, modulation: Single, d: Float, flags: Flags, black: float, period: float, near: Mask
 ) -> None:
     """Add LIGHT_LOST to nodes next to an edge of the light. Arrays as in `Residual`, d still wrapped.
 
-    bent: (rows,) work space.
+    near: (rows, cols) work space, False in the padding.
     """
-    rows, cols = flags.shape
-    bent[:] = 0
-    for r in range(PADDING, rows - PADDING):
-        if _is_bent_row(mean, r, black):
-            bent[r - 1 : r + 2] = 1
-    for r in range(PADDING, rows - PADDING):
-        if not bent[r]:
-            continue
-        for c in range(PADDING, cols - PADDING):
-            light = max(mean[r, c] - black, 0.0)
-            for way in range(2):
-                y, x = way, 1 - way
-                if flags[r - y, c - x] & OUTSIDE or flags[r + y, c + x] & OUTSIDE:
-                    continue
-                bend, slope = abs(_bend(mean, r, c, way)), 0.5 * abs(mean[r + y, c + x] - mean[r - y, c - x])
-                if bend <= LARGEST_BEND * light:
-                    before = _bend(mean, r - y, c - x, way)
-                    if abs(before) > LARGEST_BEND * light:
-                        after = _bend(mean, r + y, c + x, way)
-                        if before * after < 0:
-                            bend = min(abs(before), abs(after))
-                if bend <= LARGEST_BEND * light and slope <= LARGEST_SLOPE * light:
-                    continue
-                leak = _leak(modulation, d, flags, period, r, c, way)
-                if bend > LARGEST_BEND * light + 4 * leak or slope > LARGEST_SLOPE * light + 2 * leak:
-                    flags[r, c] |= LIGHT_LOST
+    first, last, end = PADDING, flags.shape[0] - PADDING - 1, flags.shape[1] - PADDING
+    for r in range(first, last + 1):
+        above, below = mean[max(r - 1, first), first:end], mean[min(r + 1, last), first:end]
+        inside = 1.0 if first < r < last else 0.0
+        _suspects(above, mean[r, first:end], below, inside, black, near[r, first:end])
+    for r in range(first, last + 1):
+        for c in range(first, end):
+            # an edge at the node itself bends its neighbours alone
+            around = near[r, c] | near[r - 1, c] | near[r + 1, c] | near[r, c - 1] | near[r, c + 1]
+            if around and _is_edge(mean, modulation, d, flags, black, period, r, c):
+                flags[r, c] |= LIGHT_LOST
 
 
 @numba.njit(cache=True, fastmath=True)

@@ -19,15 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zeromethod.arrays import Bytes, Flags, Float
+from zeromethod.sensing.known_order import AMBIGUOUS, BORDER_SHARE, STEEPEST, settle_known_order
 from zeromethod.sensing.residual import Residual
 from zeromethod.warp.grid import PADDING, NodeGrid
 from zeromethod.warp.validity import Flag
 
-AMBIGUOUS = int(Flag.AMBIGUOUS)
-STEEPEST = 0.9
-"""Edges steeper than this share of half a period (noise included) give no order."""
-BORDER_SHARE = 0.25
-"""Least share of all border nodes in a region for them to determine its order."""
 MOST_ORDERS = 64
 """Largest order considered, periods."""
 
@@ -77,7 +73,10 @@ class Unwrapper:
         """
         if not _is_near_null(residual.d, residual.flags, self._period):
             expected = self._no_guess if guess is None else self._to_carriers(guess)
-            _unwrap(residual.d, residual.sigma, residual.flags, expected, self._period, self._work)
+            given = residual.d, residual.sigma, residual.flags, expected, self._period
+            work = self._work
+            if guess is None or not settle_known_order(*given, work.path, work.label):
+                _unwrap(*given, work)
         if self._diagonal:
             _from_diagonal(residual.d)
 

@@ -297,8 +297,8 @@ class Session:
         """Read one step; in real time in a thread of its own."""
         surface, deepest, read_ms = self._surfaces.finish(step.number)
         contacts = self._touching(step, surface)
-        surface, deepest, contacts = self._contacts.carry(surface, deepest, contacts)
         contacts, total = self._forces.read(surface, contacts)
+        surface, deepest, contacts = self._contacts.carry(surface, deepest, contacts, self._forces.fit)
         if step.image is not None and step.residual is not None and Event.BURST not in step.events:
             contacts = self._contacts.with_images(step.image, step.residual, surface, contacts)
         if self._lamp is not None:

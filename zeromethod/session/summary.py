@@ -81,7 +81,7 @@ def _against_truth(records: list[StepFigures], phase: str, states: frozenset[Sta
     errors = [record.truth for record in among if record.truth is not None]
     if not errors:
         return None
-    peak_errors = np.array([error.depth_peak_error_percent for error in errors])
+    worst = max(errors, key=lambda error: np.nan_to_num(abs(error.depth_peak_error_percent), nan=-1.0))
 
     def rms(values: list[float]) -> float:
         return float(np.sqrt(np.mean(np.square(values))))
@@ -90,8 +90,9 @@ def _against_truth(records: list[StepFigures], phase: str, states: frozenset[Sta
         "frames": len(errors),
         "depth_peak_mm": float(np.median([error.depth_peak_mm for error in errors])),
         "depth_deepest_mm": float(np.median([error.depth_deepest_mm for error in errors])),
-        "depth_peak_error_percent": float(peak_errors[np.argmax(np.abs(peak_errors))]),
-        "depth_peak_error_mean_percent": float(np.mean(peak_errors)),
+        "depth_peak_error_percent": worst.depth_peak_error_percent,
+        "depth_peak_error_sigma_percent": worst.depth_peak_error_sigma_percent,
+        "depth_peak_error_mean_percent": float(np.mean([error.depth_peak_error_percent for error in errors])),
         "depth_rms_error_um": rms([error.depth_rms_error_um for error in errors]),
         "slope_rms_error_mrad": rms([error.slope_rms_error_mrad for error in errors]),
         "usable_share": float(np.mean([error.usable_share for error in errors])),
@@ -125,6 +126,11 @@ def _peak(among: list[StepFigures]) -> Figures:
     else:
         chosen, where = figures[largest], peaks[largest].where
     return dict(zip(_PEAK, chosen.tolist(), strict=True)) | {_WHERE: where.value}
+
+
+def _last_reason(records: list[StepFigures]) -> str:
+    """Why the last of the frames that were not nulled was not."""
+    return next((one.reason for one in reversed(records) if one.state is State.NULLING), "no frame measured")
 
 
 def _finite(value: Any) -> Any:
@@ -176,6 +182,7 @@ def summarise(result: RunResult) -> Figures:
         "reason": last.reason if last else "",
         "nulled_frames": len(nulled),
         "not_nulled": unheld,
+        "not_nulled_reason": "" if unheld is None else _last_reason(held),
         "events": result.events,
         "lock_frames": lock_frames(records) if unheld is None else None,
         "residual_px_rms": _median_residual_px(read or held),

@@ -28,6 +28,9 @@ _FRAMES = 32
 _STILL = 0.003
 """Change of the force between the halves of these frames up to which it keeps still; rubber creeps."""
 
+_DENTED = 10.0
+"""Standard deviations from which a depth is a dent."""
+
 _Frame = tuple[float, float, int, float]
 """Force, its sigma, contacts, true force."""
 
@@ -135,6 +138,11 @@ def weigh(
                 return _weighed(row, grams, sigma_grams / grams)
         elif step.touching and not row:
             missing = "no force was read where it touches"
+        elif step.peak is not None and step.peak.depth_mm > _DENTED * step.peak.sigma_mm and not row:
+            missing = (
+                "the mirror is dented, but nothing is seen to touch: a contact is found from 9 camera pixels "
+                "across on: put it on a wider ball"
+            )
     raise MeasurementError(f"weight: {missing} before the run ended")
 
 

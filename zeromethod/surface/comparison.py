@@ -43,6 +43,7 @@ class Comparison:
     The error of a peak inside a contact is that against depth_deepest_mm.
     All errors are NaN where no usable node was read.
     depth_deepest_mm: true depth where |depth| is largest, in a contact too, where nothing can be read.
+    depth_peak_error_sigma_percent: stated sigma of the peak over the same true depth as its error.
     contacts: what truly touches, where the truth knows.
     """
 
@@ -53,6 +54,7 @@ class Comparison:
     usable_share: float
     valid_share: float
     depth_deepest_mm: float = float("nan")
+    depth_peak_error_sigma_percent: float = float("nan")
     contacts: tuple[TrueContact, ...] = ()
 
 
@@ -135,11 +137,12 @@ def compare(
     peak_true = true_peak_mm(truth, surface.x_mm[known], surface.y_mm[known])
     deepest = deepest or peak(surface)
     against = of_all if deepest.where is Where.INSIDE else peak_true
-    share = 100 * (deepest.depth_mm - against) / against if against else float("nan")
+    percent = 100 / against if against else float("nan")
     return Comparison(
         depth_deepest_mm=of_all,
         depth_peak_mm=peak_true,
-        depth_peak_error_percent=share,
+        depth_peak_error_percent=percent * (deepest.depth_mm - against),
+        depth_peak_error_sigma_percent=abs(percent) * deepest.sigma_mm,
         depth_rms_error_um=1e3 * float(np.sqrt(np.mean(depth_error**2))),
         slope_rms_error_mrad=1e3 * float(np.sqrt(np.mean(np.sum(slope_error**2, axis=-1)))),
         usable_share=float(np.mean(usable[inner])),

@@ -69,9 +69,13 @@ def colours(values: Float, percentile: float, *, signed: bool) -> dict[str, Any]
 
 
 def colour_bar(axis: Axes, shown: Any, unit: str, **more: Any) -> None:
-    """Scale of what is shown in colours."""
+    """Scale of what is shown in colours, pointed where values lie beyond its end."""
     assert axis.figure is not None
-    axis.figure.colorbar(shown, ax=axis, label=unit, **({"shrink": 0.8} | more))
+    values = np.ma.masked_invalid(shown.get_array()).compressed()
+    low, high = (values < shown.norm.vmin).any(), (values > shown.norm.vmax).any()
+    ends = {(False, False): "neither", (True, False): "min", (False, True): "max", (True, True): "both"}
+    look: dict[str, Any] = {"shrink": 0.8, "extend": ends[bool(low), bool(high)]} | more
+    axis.figure.colorbar(shown, ax=axis, label=unit, **look)
 
 
 def over_mirror(axis: Axes, surface: Surface, values: Float, **look: Any) -> QuadMesh:

@@ -83,7 +83,7 @@ def _title(figures: dict[str, Any]) -> str:
     parts = [f"zeromethod  rig {figures['rig']}{scenario}, {figures['controller']}"]
     read_mm, truth = figures["depth_peak_mm"], figures["truth"]
     if read_mm is not None:
-        parts.append(f"peak {read_mm:.5f} mm")
+        parts.append(f"peak {read_mm:.5f} ± {figures['depth_peak_sigma_mm']:.5f} mm")
     if truth is not None:
         true_mm = truth["depth_deepest_mm"]
         low = f" ({100 * (read_mm / true_mm - 1):+z.2f} %)" if read_mm is not None and true_mm else ""

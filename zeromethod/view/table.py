@@ -14,6 +14,9 @@ Figures = dict[str, Any]
 
 UNKNOWN = "–"
 
+_DEEPEST = "true peak depth, contacts included"
+"""The same as that of what can be read, and left out, where nothing touches."""
+
 _ROWS: tuple[tuple[str, tuple[str, ...], str], ...] = (
     ("state at the end", ("state",), "{}"),
     ("frames (dropped)", ("frames", "dropped"), "{} ({})"),
@@ -24,11 +27,19 @@ _ROWS: tuple[tuple[str, tuple[str, ...], str], ...] = (
     ("peak depth read (sigma)", ("depth_peak_mm", "depth_peak_sigma_mm"), "{:.5f} mm ({:.5f})"),
     ("this peak is", ("peak_where",), "{}"),
     ("true peak depth, of what can be read", ("truth.depth_peak_mm",), "{:.5f} mm"),
-    ("true depth at the deepest, contact included", ("truth.depth_deepest_mm",), "{:.5f} mm"),
-    ("peak error, worst frame of the hold", ("truth.depth_peak_error_percent",), "{:+z.3f} %"),
+    (_DEEPEST, ("truth.depth_deepest_mm",), "{:.5f} mm"),
+    (
+        "peak error, worst frame of the hold (sigma)",
+        ("truth.depth_peak_error_percent", "truth.depth_peak_error_sigma_percent"),
+        "{:+z.3f} % ({:.3f} %)",
+    ),
     ("depth error in the hold", ("truth.depth_rms_error_um",), "{:.4f} µm rms"),
     ("slope error in the hold", ("truth.slope_rms_error_mrad",), "{:.4f} mrad rms"),
-    ("peak error, worst frame of the slide", ("truth_slide.depth_peak_error_percent",), "{:+z.3f} %"),
+    (
+        "peak error, worst frame of the slide (sigma)",
+        ("truth_slide.depth_peak_error_percent", "truth_slide.depth_peak_error_sigma_percent"),
+        "{:+z.3f} % ({:.3f} %)",
+    ),
     ("depth error in the slide", ("truth_slide.depth_rms_error_um",), "{:.4f} µm rms"),
     ("depth noise untouched, single frame", ("untouched.depth_rms_nm",), "{:.1f} nm rms"),
     ("depth noise untouched, filtered", ("untouched.depth_filtered_rms_nm",), "{:.1f} nm rms"),
@@ -116,11 +127,12 @@ def _contact_rows(label: str, contacts: Sequence[Figures] | None) -> list[tuple[
 
 def summary_table(figures: Figures) -> Table:
     """Table of the figures of a run that were measured; rows without a value are left out."""
-    rows = []
+    rows: list[tuple[str, str]] = []
     for label, keys, pattern in _ROWS:
         values = [_look_up(figures, key) for key in keys]
-        if all(value is not None for value in values):
-            rows.append((label, pattern.format(*values)))
+        words = pattern.format(*values) if None not in values else ""
+        if words and not (label == _DEEPEST and words == rows[-1][1]):
+            rows.append((label, words))
     rows += _contact_rows("contact", figures.get("contacts"))
     if figures.get("contacts") and figures["force"]["reason"]:
         rows.append(("force", f"not read: {figures['force']['reason']}"))

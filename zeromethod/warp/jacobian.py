@@ -228,7 +228,7 @@ def warp_flags(
     period_nodes = 2.0 if spacing_px is None else period_px / spacing_px
     _flags(
         np.ascontiguousarray(q),
-        areas(q_rest) if rest_areas is None else rest_areas,
+        areas(q_rest) if rest_areas is None else np.ascontiguousarray(rest_areas),
         period_nodes,
         *display_size,
         out,
