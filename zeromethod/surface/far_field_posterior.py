@@ -34,6 +34,7 @@ from zeromethod.surface.far_field_laws import (
     equations,
 )
 from zeromethod.surface.far_field_starts import Tried, best_one, best_two, tried_dents
+from zeromethod.surface.weak_dents import further_far_field
 
 _UNFIT = 0.15
 """Error of a law from which a fit may have ended in a wrong place."""
@@ -121,9 +122,16 @@ def posterior(
         two = _fit_two(alone, nodes, quiet, known, limits, diagonal_mm, members[best], members[_TWO:_OWN])
         best = int(np.argmin(members[:, UNLIKELY]))
         if members[best, EXCESS] > _EXPLAINED and members[best, WRONG] > _UNLIKE:
-            _fit_own(alone, two, nodes, quiet, known, limits, diagonal_mm, members[_OWN:-1])
+            two = _fit_own(alone, two, nodes, quiet, known, limits, diagonal_mm, members[_OWN:-1])
+        best = int(np.argmin(members[:, UNLIKELY]))
+        alone = two if best >= _TWO else alone
     _fit_tilted(start, nodes, quiet, known, limits, members[:, UNLIKELY].min(), members[-1])
-    return _together(members, known.rest_mm, _RANGES * range_mm)
+    mean, sigma = _together(members, known.rest_mm, _RANGES * range_mm)
+    wrong2 = max(members[best, WRONG] ** 2, _LEAST_WRONG2)
+    left = equations(alone, SET_LAWS, nodes, quiet, known, wrong2, np.ones((2, len(nodes.x))))
+    shared = 2.0 * known.weight.sum() / pieces(members[best, NOISE])
+    deeper, open_mm = further_far_field(left.left, left.variance, shared, nodes, quiet, known)
+    return mean - deeper, np.hypot(sigma, open_mm)
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -228,8 +236,8 @@ def _fit_own(
     limits: Float,
     diagonal_mm: float,
     members: Float,
-) -> None:
-    """Fit two dents, each with its own law, and more while what is left asks for it.
+) -> Float:
+    """Fit two dents, each with its own law, and more while what is left asks for it; the likeliest's numbers.
 
     alone: numbers of a dent found alone; two: of two with one law.
     """
@@ -239,15 +247,17 @@ def _fit_own(
         fit(dents, OWN_LAWS, SHORT, nodes, quiet, known, limits, np.inf, start[0])
         fit(beside, OWN_LAWS, SHORT, nodes, quiet, known, limits, np.inf, start[1])
         dents = beside if start[1, UNLIKELY] < start[0, UNLIKELY] else dents
-    before = np.inf
+    before, likeliest = np.inf, dents
     for k in range(len(members)):
         fit(dents, OWN_LAWS, _PASSES, nodes, quiet, known, limits, np.inf, members[k])
+        likeliest = dents if members[k, UNLIKELY] < before else likeliest
         if members[k, EXCESS] < _EXPLAINED or members[k, UNLIKELY] > before - _WORTH:
             break
         before, wrong2 = members[k, UNLIKELY], max(members[k, WRONG] ** 2, _LEAST_WRONG2)
         worth, dents = _further(dents, wrong2, nodes, quiet, known, limits, diagonal_mm)
         if worth < _WORTH:
             break
+    return likeliest
 
 
 @numba.njit(cache=True, error_model="numpy")

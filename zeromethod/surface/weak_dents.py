@@ -14,6 +14,7 @@ import numba
 import numpy as np
 
 from zeromethod.arrays import Float, Mask
+from zeromethod.surface.far_field_laws import Known, Nodes
 
 _PLACES, _SIZES = (9, 7), (24.0, 12.0, 6.0)
 """Places across and down the view, and its diagonal over sizes, of the dents that are tried."""
@@ -21,9 +22,15 @@ _PLACES, _SIZES = (9, 7), (24.0, 12.0, 6.0)
 _BLOCKS = 150
 """Blocks of nodes whose slopes are summed up first, about: a dent is as steep all over one."""
 
-_ODDS = 0.005
-"""Likelihood of the dents, mean of all, that counts as much as that of none: few rests hide a press, and of
-depths that it may have noise leaves few."""
+_ODDS, _FURTHER_ODDS = 0.035, 0.35
+"""Odds, before anything is read, that a rest hides a press, and a press a further one."""
+
+_DEEPEST = 7.0
+"""Standard deviation of such a dent's depth before, in those that noise alone leaves of it: one that is much
+deeper is found by itself."""
+
+_EVERY, _EVERY_QUIET = 2, 4
+"""Every so many nodes, and of the anchor, are looked at where dents are found already."""
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -39,15 +46,15 @@ def _sums(
     y_mm: Float,
     shared: float,
 ) -> tuple[Float, Float]:
-    """Sums (10, n) over blocks, and over all of gradient times what is left and of its square.
+    """Sums (12, n) over blocks, and over all of gradient times what is left and of its square.
 
     Of each block: x, y, nodes; weights over scale; along x and y each: 1 / variance, the slope less what is
-    contained of the gradient over it, and the gradient over it.
+    contained of the gradient over it, and the gradient over it; and 1 / variance of noise, along x and y.
     """
     rows, cols = island.shape
     size = max(1, math.ceil(math.sqrt(rows * cols / _BLOCKS)))
     across = -(-cols // size)
-    out, whole = np.zeros((10, -(-rows // size) * across)), np.zeros(2)
+    out, whole = np.zeros((12, -(-rows // size) * across)), np.zeros(2)
     for i in range(rows):
         for j in range(cols):
             if not island[i, j]:
@@ -61,6 +68,7 @@ def _sums(
                 per = 1.0 / (shared * variance[i, j, axis])
                 left = slope[i, j, axis] - contained_mm * gradient[i, j, axis]
                 out[4 + 3 * axis, block] += per
+                out[10 + axis, block] += per
                 out[5 + 3 * axis, block] += per * left
                 out[6 + 3 * axis, block] += per * gradient[i, j, axis]
                 whole[0] += per * gradient[i, j, axis] * left
@@ -69,6 +77,53 @@ def _sums(
         out[0, k] /= max(out[2, k], 1.0)
         out[1, k] /= max(out[2, k], 1.0)
     return out[:, out[2] > 0.0], whole
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _anchor_by(sums: Float, whole: Float, prior: float) -> tuple[float, float]:
+    """Mean and standard deviation of the anchor's depth / h by dents tried against `_sums`.
+
+    prior: odds of a dent before anything is read.
+    """
+    x, y, share = sums[0], sums[1], sums[3]
+    left, right, top, bottom = x.min(), x.max(), y.min(), y.max()
+    diagonal = math.hypot(right - left, bottom - top)
+    count = len(_SIZES) * _PLACES[0] * _PLACES[1]
+    gain, deep, open2 = np.zeros(count), np.zeros(count), np.zeros(count)
+    for one in range(count):
+        size2 = (diagonal / _SIZES[one // (_PLACES[0] * _PLACES[1])]) ** 2
+        at_x = left + (right - left) * (one % _PLACES[0]) / (_PLACES[0] - 1)
+        at_y = top + (bottom - top) * (one // _PLACES[0] % _PLACES[1]) / (_PLACES[1] - 1)
+        border = along = squares = crossed = by_noise = 0.0
+        for k in range(len(x)):
+            to_x, to_y = x[k] - at_x, y[k] - at_y
+            shape = 1.0 / math.sqrt(1.0 + (to_x * to_x + to_y * to_y) / size2)
+            steep = -shape * shape * shape / size2
+            slope_x, slope_y = steep * to_x, steep * to_y
+            border += share[k] * shape
+            along += slope_x * sums[5, k] + slope_y * sums[8, k]
+            squares += slope_x * slope_x * sums[4, k] + slope_y * slope_y * sums[7, k]
+            by_noise += slope_x * slope_x * sums[10, k] + slope_y * slope_y * sums[11, k]
+            crossed += slope_x * sums[6, k] + slope_y * sums[9, k]
+        # its own depth at the anchor is in the constant
+        along -= border * whole[0]
+        squares += border * (border * whole[1] - 2.0 * crossed)
+        if squares > 0.0 and by_noise > 0.0:
+            before = _DEEPEST * _DEEPEST / by_noise
+            kept = before * squares / (1.0 + before * squares)
+            gain[one] = 0.5 * kept * along * along / squares + 0.5 * math.log(1.0 - kept)
+            deep[one], open2[one] = kept * border * along / squares, kept * border * border / squares
+    largest = gain.max()
+    likely = np.exp(gain - largest)
+    # of a dent, against none
+    odds = prior * likely.mean() * math.exp(min(largest, 600.0))
+    pressed = odds / (1.0 + odds)
+    likely /= likely.sum()
+    mean = float((likely * deep).sum())
+    spread2 = float((likely * (deep * deep + open2)).sum()) - mean * mean
+    found_mm = 0.5 * mean
+    variance2 = pressed * (spread2 + 0.25 * mean * mean) + pressed * (1.0 - pressed) * found_mm**2
+    return pressed * found_mm, math.sqrt(max(variance2, 0.0))
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -90,39 +145,34 @@ def weak_far_field(
     contained_mm: multiple of h in the depth. shared: nodes that share a node's noise.
     """
     sums, whole = _sums(weights, scale, slope, gradient, contained_mm, variance, island, x_mm, y_mm, shared)
-    x, y, share = sums[0], sums[1], sums[3]
-    left, right, top, bottom = x.min(), x.max(), y.min(), y.max()
-    diagonal = math.hypot(right - left, bottom - top)
-    count = len(_SIZES) * _PLACES[0] * _PLACES[1]
-    gain, deep, open2 = np.zeros(count), np.zeros(count), np.zeros(count)
-    for one in range(count):
-        size2 = (diagonal / _SIZES[one // (_PLACES[0] * _PLACES[1])]) ** 2
-        at_x = left + (right - left) * (one % _PLACES[0]) / (_PLACES[0] - 1)
-        at_y = top + (bottom - top) * (one // _PLACES[0] % _PLACES[1]) / (_PLACES[1] - 1)
-        border = along = squares = crossed = 0.0
-        for k in range(len(x)):
-            to_x, to_y = x[k] - at_x, y[k] - at_y
-            shape = 1.0 / math.sqrt(1.0 + (to_x * to_x + to_y * to_y) / size2)
-            steep = -shape * shape * shape / size2
-            slope_x, slope_y = steep * to_x, steep * to_y
-            border += share[k] * shape
-            along += slope_x * sums[5, k] + slope_y * sums[8, k]
-            squares += slope_x * slope_x * sums[4, k] + slope_y * slope_y * sums[7, k]
-            crossed += slope_x * sums[6, k] + slope_y * sums[9, k]
-        # its own depth at the anchor is in the constant
-        along -= border * whole[0]
-        squares += border * (border * whole[1] - 2.0 * crossed)
-        if squares > 0.0:
-            gain[one] = 0.5 * along * along / squares
-            deep[one], open2[one] = border * along / squares, border * border / squares
-    largest = gain.max()
-    likely = np.exp(gain - largest)
-    # of a dent, against none
-    odds = _ODDS * likely.mean() * math.exp(min(largest, 600.0))
-    pressed = odds / (1.0 + odds)
-    likely /= likely.sum()
-    mean = float((likely * deep).sum())
-    spread2 = float((likely * (deep * deep + open2)).sum()) - mean * mean
-    found_mm = 0.5 * mean
-    variance2 = pressed * (spread2 + 0.25 * mean * mean) + pressed * (1.0 - pressed) * found_mm**2
-    return pressed * found_mm, math.sqrt(max(variance2, 0.0))
+    return _anchor_by(sums, whole, _ODDS)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def further_far_field(
+    left: Float, variance: Float, shared: float, nodes: Nodes, quiet: Nodes, known: Known
+) -> tuple[float, float]:
+    """The same of dents besides those that are found, by the slopes `left` (2, n) that these leave.
+
+    variance: (2, n). shared: nodes that share a node's error.
+    """
+    used, still = np.arange(0, len(nodes.x), _EVERY), np.arange(0, len(quiet.x), _EVERY_QUIET)
+    sums, whole = np.zeros((12, len(used) + len(still))), np.zeros(2)
+    every = max(shared / _EVERY, 1.0)
+    for k in range(len(used)):
+        i = used[k]
+        sums[0, k], sums[1, k] = nodes.x[i], nodes.y[i]
+        for axis, gradient in ((0, nodes.gradient_x[i]), (1, nodes.gradient_y[i])):
+            per = known.weight[i] / (every * variance[axis, i])
+            own = nodes.variance_x[i] if axis == 0 else nodes.variance_y[i]
+            sums[10 + axis, k] = known.weight[i] / own
+            sums[4 + 3 * axis, k], sums[5 + 3 * axis, k] = per, per * left[axis, i]
+            sums[6 + 3 * axis, k] = per * gradient
+            whole[0] += per * gradient * left[axis, i]
+            whole[1] += per * gradient * gradient
+    total = known.share[still].sum()
+    for k in range(len(still)):
+        i, at = still[k], len(used) + k
+        sums[0, at], sums[1, at] = quiet.x[i], quiet.y[i]
+        sums[3, at] = known.share[i] / (total * quiet.scale[i])
+    return _anchor_by(sums, whole, _FURTHER_ODDS)
