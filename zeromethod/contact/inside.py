@@ -25,7 +25,7 @@ from zeromethod.surface import Surface
 
 _BODY = 0.03
 """What the half-space and the cells leave open of a pressure's dent, relative."""
-_FEWEST = 12
+_FEWEST = 4
 """Nodes beside a contact that must be read."""
 _LARGEST_SHARE = 0.5
 _STEEPEST = 0.5
