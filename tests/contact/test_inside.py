@@ -112,7 +112,7 @@ def test_a_planted_dent_is_carried_in_within_its_sigma(name: str, lost_mm: float
     z = ((inside.depth_mm - true) / inside.sigma_depth_mm)[inside.valid]
     assert np.abs(z).max() < 3
     # sigma is no excuse: less than linear extrapolation and nothing differ by, and growing inwards
-    assert abs(contact.depth_mm - true.max()) < 2 * contact.sigma_depth_mm < 0.01
+    assert abs(contact.depth_mm - true.max()) < 2 * contact.sigma_depth_mm < 0.02
     rim = inside.valid & (r > RADIUS_MM + lost_mm - 0.3)
     assert np.median(inside.sigma_depth_mm[rim]) < inside.sigma_depth_mm[inside.valid].max() / 2
 

@@ -25,7 +25,7 @@ from zeromethod.surface import Surface
 
 _BODY = 0.03
 """What the half-space and the cells leave open of a pressure's dent, relative."""
-_FEWEST = 12
+_FEWEST = 4
 """Nodes beside a contact that must be read."""
 _LARGEST_SHARE = 0.5
 _STEEPEST = 0.5
@@ -55,19 +55,15 @@ def carried_inside(
     middles = np.array([(one.x_mm, one.y_mm) for one in contacts])
     at = np.concatenate([places.at_depth(inside, beside.depth_mm[nearest]), middles])
     nearest = np.append(nearest, np.arange(len(contacts)))
-    fields = np.concatenate(
-        [load_fields(load, at, np.zeros_like(at), within=True) for load in fit.loads], axis=2
-    )
-    steep = np.concatenate([fields[:, 1:], np.broadcast_to(np.eye(2), (len(at), 2, 2))], axis=2)
+    terms, steep, depth = _dent(fit, beside, nearest, at)
     slope = np.einsum("nkt,t->nk", steep, fit.mean)
-    away = at - beside.at_mm[nearest]
-    terms = np.concatenate([fields[:, 0] - beside.terms[nearest], away], axis=1)
-    depth = beside.depth_mm[nearest] + np.einsum("nt,t->n", terms, fit.mean)
     # deeper nodes are seen elsewhere, where the mirror is as much deeper again as it slopes
-    deeper, per_mm = depth - beside.depth_mm[nearest], np.zeros_like(at)
-    per_mm[:count] = places.at_depth(inside, beside.depth_mm[nearest[:count]] + 1.0) - at[:count]
-    deeper /= np.maximum(1 - (slope * per_mm).sum(axis=1), _STEEPEST)
-    depth, moved = beside.depth_mm[nearest] + deeper, deeper[:, None] * per_mm
+    per_mm = places.at_depth(inside, beside.depth_mm[nearest[:count]] + 1.0) - at[:count]
+    deeper = (depth - beside.depth_mm[nearest])[:count]
+    deeper /= np.maximum(1 - (slope[:count] * per_mm).sum(axis=1), _STEEPEST)
+    at[:count] += deeper[:, None] * per_mm
+    terms, steep, depth = _dent(fit, beside, nearest, at)
+    slope = np.einsum("nkt,t->nk", steep, fit.mean)
     # at a rim that sticks, or a sharp one, depth falls so fast that its place counts
     edge = max(contact.sigma_edge_mm for contact in contacts)
     variance = beside.sigma_mm[nearest] ** 2 + edge**2 * (slope**2).sum(axis=1)
@@ -77,8 +73,19 @@ def carried_inside(
     open_share = (size**2 + _BODY**2) * fit.mean[:-2] ** 2
     variance += np.einsum("nt,t->n", terms[:, :-2] ** 2, open_share)
     bent = np.sqrt((np.einsum("nkt,tu->nku", steep, fit.spread) * steep).sum(axis=2))
-    found = np.column_stack([depth, np.sqrt(variance), slope, bent, at + moved])
+    found = np.column_stack([depth, np.sqrt(variance), slope, bent, at])
     return _surface(surface, inside, found[:count]), _with_depths(contacts, found, nearest)
+
+
+def _dent(
+    fit: ForceFit, beside: _Beside, nearest: NDArray[np.intp], at_mm: Float
+) -> tuple[Float, Float, Float]:
+    """Depth less that beside, (n, t), and slope (n, 2, t) by each share, at points (n, 2); depth (n,)."""
+    none = np.zeros_like(at_mm)
+    fields = np.concatenate([load_fields(load, at_mm, none, within=True) for load in fit.loads], axis=2)
+    steep = np.concatenate([fields[:, 1:], np.broadcast_to(np.eye(2), (len(at_mm), 2, 2))], axis=2)
+    terms = np.concatenate([fields[:, 0] - beside.terms[nearest], at_mm - beside.at_mm[nearest]], axis=1)
+    return terms, steep, beside.depth_mm[nearest] + np.einsum("nt,t->n", terms, fit.mean)
 
 
 def _with_depths(contacts: Sequence[Contact], found: Float, nearest: NDArray[np.intp]) -> tuple[Contact, ...]:
