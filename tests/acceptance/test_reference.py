@@ -5,7 +5,8 @@ included: every frame and every picture shown while a soft pad came down and sli
 of 0.1.0 less what the blur of the panel's apertures had added (4e-4 LCD px, 7 nm of 60 um, at most), with
 the anchor's constant as the far field is fitted since: at most 0.12 um, in a frame whose anchor had 0.55 um,
 then 20 nm, in a frame whose anchor has 160 nm, 8 nm, with 67 nm, and then, with dents fitted to the slopes,
-59 nm, in a frame whose noise is 0.3 um; less that constant, depths stayed within 0.12 nm.
+59 nm, in a frame whose noise is 0.3 um, and last, with dents that noise hides allowed for, 1.6 nm, in a frame
+whose anchor has 29 nm; less that constant, depths stayed within 0.12 nm.
 """
 
 from pathlib import Path
