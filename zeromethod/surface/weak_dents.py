@@ -32,6 +32,9 @@ deeper is found by itself."""
 _EVERY, _EVERY_QUIET = 2, 4
 """Every so many nodes, and of the anchor, are looked at where dents are found already."""
 
+_REORDERED = {"contract", "reassoc"}
+"""Sums may be taken in any order, which changes rounding alone, so that they are vectorised."""
+
 
 @numba.njit(cache=True, error_model="numpy")
 def _sums(
@@ -79,7 +82,7 @@ def _sums(
     return out[:, out[2] > 0.0], whole
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy", fastmath=_REORDERED)
 def _anchor_by(sums: Float, whole: Float, prior: float) -> tuple[float, float]:
     """Mean and standard deviation of the anchor's depth / h by dents tried against `_sums`.
 
