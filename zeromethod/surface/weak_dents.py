@@ -1,9 +1,10 @@
-"""What dents too weak to be told from noise node by node may do to the anchor, and say of it; compiled.
+"""Depth that the anchor may have by dents too weak to show at any single node, and its sigma; compiled.
 
-One dent a load makes on a deep elastic body, falling as 1 / r, of each of some places and sizes is held
-against all slopes at once: a sum over the view shows what no node does. Each is as likely as it makes the
-slopes, all together against no dent at all. A layer, or a prism that is held, lets a dent fall faster: the
-anchor is taken to lie half as deep as 1 / r has it, give or take as much.
+The dent that a load makes on a deep elastic body falls as 1 / r. Such dents, at some places and of some
+sizes, are compared with all slopes at once: a sum over the view shows what no single node does. Each dent
+counts by the likelihood of the slopes under it, and all of them against no dent at all. In a layer, or a
+prism whose faces are held, depth falls faster: the anchor's depth is taken as half of what 1 / r gives, with
+a standard deviation of the same size.
 """
 
 from __future__ import annotations
@@ -23,11 +24,11 @@ _BLOCKS = 150
 """Blocks of nodes whose slopes are summed up first, about: a dent is as steep all over one."""
 
 _ODDS, _FURTHER_ODDS = 0.035, 0.35
-"""Odds, before anything is read, that a rest hides a press, and a press a further one."""
+"""Prior odds that a mirror which seems at rest is pressed, and that a press hides a further one."""
 
 _DEEPEST = 7.0
-"""Standard deviation of such a dent's depth before, in those that noise alone leaves of it: one that is much
-deeper is found by itself."""
+"""Prior standard deviation of such a dent's depth, over that which noise alone leaves: a much deeper one is
+found by itself."""
 
 _EVERY, _EVERY_QUIET = 2, 4
 """Every so many nodes, and of the anchor, are looked at where dents are found already."""
