@@ -22,7 +22,7 @@ rehearse: $(VENV)/.test-ready
 	@BIN=$(BIN) sh tools/rehearse.sh $(ARGS)
 
 test: $(VENV)/.test-ready
-	$(BIN)/python -m pytest -n 3 -m 'not long' $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -n 4 -m 'not long' $(PYTEST_ARGS)
 
 test-long: $(VENV)/.test-ready
 	$(BIN)/python -m pytest -m long
