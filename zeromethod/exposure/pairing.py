@@ -149,17 +149,16 @@ def entry_weights(times_ns: Ints, complete: bool, frame: Frame, timing: PanelTim
     entries are no longer in the log (`complete` False): the oldest entry then stands for them.
     """
     weights, dark = np.empty((len(times_ns), TABLE_ROWS)), np.empty(TABLE_ROWS)
-    # Relative to mid-exposure, as nanoseconds since boot need more digits than a double has to spare.
-    changes = np.asarray(times_ns - frame.time_ns, dtype=np.float64) + timing.latency_ns
     panel = timing.scanout_ns, 0.5 * frame.exposure_ns, timing.tau_ns
-    _fill_weights(changes, *panel, complete, weights, dark)
+    _fill_weights(_changes_ns(times_ns, frame, timing), *panel, complete, weights, dark)
     return weights, dark
 
 
 def late_weights_per_s(times_ns: Ints, complete: bool, frame: Frame, timing: PanelTiming) -> Float:
     """(k, n) change of `entry_weights` per second by which all was lit later than `timing` says."""
     half = 0.5 * frame.exposure_ns
-    rates = lit_share_per_s(-half, half, _changes_ns(times_ns, frame, timing), timing.tau_ns)
+    changes = _changes_ns(times_ns, frame, timing)[:, None] + timing.scanout_ns * _SCAN
+    rates = lit_share_per_s(-half, half, changes, timing.tau_ns)
     if not complete:
         rates[0] = 0.0
     rates[:-1] -= rates[1:]
@@ -167,8 +166,9 @@ def late_weights_per_s(times_ns: Ints, complete: bool, frame: Frame, timing: Pan
 
 
 def _changes_ns(times_ns: Ints, frame: Frame, timing: PanelTiming) -> Float:
-    """(k, n) when the rows start to change, from mid-exposure on; see `entry_weights`."""
-    return ((times_ns - frame.time_ns) + timing.latency_ns)[:, None] + timing.scanout_ns * _SCAN
+    """(k,) when the first row starts to change, from mid-exposure on."""
+    # nanoseconds since boot need more digits than a double has to spare
+    return np.asarray(times_ns - frame.time_ns, dtype=np.float64) + timing.latency_ns
 
 
 _FAST = {"contract", "reassoc"}

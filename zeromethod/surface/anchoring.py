@@ -19,7 +19,6 @@ from zeromethod.surface.far_field import BodyOnNodes, FarField, fit_far_field
 from zeromethod.surface.node_passes import dot, step_of
 from zeromethod.surface.roughness import roughness
 from zeromethod.surface.weak_dents import weak_far_field
-from zeromethod.warp.overlap import shared_nodes
 
 _AGAIN_MM = 1e-4
 """Step of the constant above which it is found again: what is found depends on it by less than 1 in 2000."""
@@ -89,8 +88,8 @@ class Anchors:
         """Far field of what noise hides, and its sigma, mm, where no slopes are more than noise."""
         x, y = read.point[..., 0], read.point[..., 1]
         slopes = read.slope, self._gradient, contained_mm, read.variance, read.island
-        shared = shared_nodes(self._correlation)
-        return weak_far_field(nodes.weights, self.scale, *slopes, x, y, shared)
+        assert self._border is not None  # quiet nodes are those of a border
+        return weak_far_field(nodes.weights, self.scale, *slopes, x, y, self._border.shared)
 
 
 class Anchoring:

@@ -21,8 +21,8 @@ of slopes, it is of the anchor's depth, relative to what its slopes imply if dep
 that explains little, all dents may fall so from where they are steepest. Every law is as likely as it makes
 the slopes, each number that it needs a cost; the largest k, 1 and 0 count apart from the k that fits best.
 A dent on a tilted mirror is one more explanation: a camera or an LCD that moved under a press looks like
-that. C is the mean over all, and its sigma contains what they disagree by. What further
-dents noise may hide in what is left (`weak_dents`) is added.
+that. C is the mean over all, and its sigma contains what they disagree by. What further dents noise may hide
+in what is left (`weak_dents`) is added.
 """
 
 from __future__ import annotations

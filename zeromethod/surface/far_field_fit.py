@@ -27,7 +27,7 @@ _PIECES, _NOISES = 14.0, 250.0
 _ROUND, _LAW = 0.4, 0.5
 """Standard deviation of a dent's logarithm of length over width, and of its law, before anything is read."""
 
-_WRONG2, _WRONG2_OF_TWO, _LEAST_WRONG2, _MOST_WRONG2 = 1e-3, 0.03, 1e-6, 0.25
+_WRONG2, _WRONG2_OF_TWO, _LEAST_WRONG2, MOST_WRONG2 = 1e-3, 0.03, 1e-6, 0.25
 """Square of a law's relative error: to begin with, by one dent and by two; least and largest."""
 
 _DOUBTED2 = 0.01
@@ -155,7 +155,7 @@ def _bound(numbers: Float, laws: int, most_law: float) -> None:
 def _wrong2(found: Equations, wrong2: float) -> float:
     """Square of the law's error that explains what is left better than the one before."""
     better = min(max(wrong2 + found.growth, 0.01 * wrong2), 20.0 * wrong2)
-    return min(max(better, _LEAST_WRONG2), _MOST_WRONG2)
+    return min(max(better, _LEAST_WRONG2), MOST_WRONG2)
 
 
 @numba.njit(cache=True, error_model="numpy")

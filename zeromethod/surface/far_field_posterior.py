@@ -11,6 +11,7 @@ from zeromethod.surface.far_field_fit import (
     CONSTANT,
     COUNT,
     EXCESS,
+    MOST_WRONG2,
     NOISE,
     SHORT,
     SPREAD,
@@ -46,7 +47,7 @@ fitted; the laws that a layer's dent is taken for."""
 _EXPLAINED = 2.5
 """Logarithm of likelihood by which a law is wrong from which a second dent is tried."""
 
-_ROUGHLY2, _LEAST_WRONG2, _MOST_WRONG2 = 1e-2, 1e-4, 0.25
+_ROUGHLY2, _LEAST_WRONG2 = 1e-2, 1e-4
 """Square of a law's error for dents to start from: in all slopes, and least in what is left of them."""
 
 _MOVED_COST = 9.0
@@ -144,7 +145,7 @@ def _begun(
     """
     none, least = np.ones((2, len(nodes.x))), np.inf
     two = np.stack((_same_scale(start, 0.0), _same_scale(start, POINT)))
-    off = [equations(each, SET_LAWS, nodes, quiet, known, _MOST_WRONG2, none).misfit for each in two]
+    off = [equations(each, SET_LAWS, nodes, quiet, known, MOST_WRONG2, none).misfit for each in two]
     found: Float = two[0]
     for k in (0, 1) if off[0] < off[1] else (1, 0):
         member = point if k else gaussian

@@ -37,57 +37,13 @@ _REORDERED = {"contract", "reassoc"}
 """Sums may be taken in any order, which changes rounding alone, so that they are vectorised."""
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _sums(
-    weights: Float,
-    scale: Float,
-    slope: Float,
-    gradient: Float,
-    contained_mm: float,
-    variance: Float,
-    island: Mask,
-    x_mm: Float,
-    y_mm: Float,
-    shared: float,
-) -> tuple[Float, Float]:
-    """Sums (12, n) over blocks, and over all of gradient times what is left and of its square.
-
-    Of each block: x, y, nodes; weights over scale; along x and y each: 1 / variance, the slope less what is
-    contained of the gradient over it, and the gradient over it; and 1 / variance of noise, along x and y.
-    """
-    rows, cols = island.shape
-    size = max(1, math.ceil(math.sqrt(rows * cols / _BLOCKS)))
-    across = -(-cols // size)
-    out, whole = np.zeros((12, -(-rows // size) * across)), np.zeros(2)
-    for i in range(rows):
-        for j in range(cols):
-            if not island[i, j]:
-                continue
-            block = i // size * across + j // size
-            out[0, block] += x_mm[i, j]
-            out[1, block] += y_mm[i, j]
-            out[2, block] += 1.0
-            out[3, block] += weights[i, j] / scale[i, j]
-            for axis in range(2):
-                per = 1.0 / (shared * variance[i, j, axis])
-                left = slope[i, j, axis] - contained_mm * gradient[i, j, axis]
-                out[4 + 3 * axis, block] += per
-                out[10 + axis, block] += per
-                out[5 + 3 * axis, block] += per * left
-                out[6 + 3 * axis, block] += per * gradient[i, j, axis]
-                whole[0] += per * gradient[i, j, axis] * left
-                whole[1] += per * gradient[i, j, axis] ** 2
-    for k in range(out.shape[1]):
-        out[0, k] /= max(out[2, k], 1.0)
-        out[1, k] /= max(out[2, k], 1.0)
-    return out[:, out[2] > 0.0], whole
-
-
 @numba.njit(cache=True, error_model="numpy", fastmath=_REORDERED)
 def _anchor_by(sums: Float, whole: Float, prior: float) -> tuple[float, float]:
-    """Mean and standard deviation of the anchor's depth / h by dents tried against `_sums`.
+    """Mean and standard deviation of the anchor's depth / h, mm, by dents that are tried.
 
-    prior: odds of a dent before anything is read.
+    sums: (12, n) over blocks of nodes: x, y, nodes; weights over scale; along x and y each: 1 / variance, the
+    slope less what is contained of the gradient over it, and the gradient over it; and 1 / variance of noise,
+    along x and y. whole: over all of gradient times what is left, and of its square. prior: odds of a dent.
     """
     x, y, share = sums[0], sums[1], sums[3]
     left, right, top, bottom = x.min(), x.max(), y.min(), y.max()
@@ -148,8 +104,32 @@ def weak_far_field(
     weights: the anchor's (rows, cols); slope, gradient of h, variance: (rows, cols, 2), rad, 1/mm, rad^2.
     contained_mm: multiple of h in the depth. shared: nodes that share a node's noise.
     """
-    sums, whole = _sums(weights, scale, slope, gradient, contained_mm, variance, island, x_mm, y_mm, shared)
-    return _anchor_by(sums, whole, _ODDS)
+    rows, cols = island.shape
+    size = max(1, math.ceil(math.sqrt(rows * cols / _BLOCKS)))
+    across = -(-cols // size)
+    out, whole = np.zeros((12, -(-rows // size) * across)), np.zeros(2)
+    for i in range(rows):
+        for j in range(cols):
+            if not island[i, j]:
+                continue
+            block = i // size * across + j // size
+            out[0, block] += x_mm[i, j]
+            out[1, block] += y_mm[i, j]
+            out[2, block] += 1.0
+            out[3, block] += weights[i, j] / scale[i, j]
+            for axis in range(2):
+                per = 1.0 / (shared * variance[i, j, axis])
+                left = slope[i, j, axis] - contained_mm * gradient[i, j, axis]
+                out[4 + 3 * axis, block] += per
+                out[10 + axis, block] += per
+                out[5 + 3 * axis, block] += per * left
+                out[6 + 3 * axis, block] += per * gradient[i, j, axis]
+                whole[0] += per * gradient[i, j, axis] * left
+                whole[1] += per * gradient[i, j, axis] ** 2
+    for k in range(out.shape[1]):
+        out[0, k] /= max(out[2, k], 1.0)
+        out[1, k] /= max(out[2, k], 1.0)
+    return _anchor_by(out[:, out[2] > 0.0], whole, _ODDS)
 
 
 @numba.njit(cache=True, error_model="numpy")
