@@ -73,8 +73,10 @@ def test_processes_and_cluster_give_the_same_table_though_workers_die(study, tmp
 
         results = run_study(study, tmp_path / name, workers, on_progress=kill_in_the_middle)
         assert results.failures == []
-    # two workers here, one there, and the one that took the place of the killed one
-    assert {name: len(found) for name, found in pids.items()} == {"local": 3, "dask": 2}
+    # The one worker there was replaced. Of the two here the one that is left may be done with everything before a new
+    # one has started: how many took part is a matter of time, that more than the killed one did is not.
+    assert len(pids["dask"]) == 2
+    assert len(pids["local"]) >= 2
     table = pyarrow.parquet.read_table(tmp_path / "local" / TABLE)
     assert table.num_rows == RUNS
     assert table["run"].to_pylist() == list(range(RUNS))
