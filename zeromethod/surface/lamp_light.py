@@ -41,4 +41,5 @@ class LampLight(ExpectedLight):
         border = cv2.BORDER_REPLICATE
         spread = cv2.warpAffine(focused, self._nodes, self._size, flags=flags, borderMode=border)
         reflected = super().share(q) ** 2 if self._partial else np.float32(1.0)
-        return np.maximum(np.asarray(spread, np.float32) * reflected, np.float32(LEAST_SHARE))
+        share: Single = np.maximum(spread * reflected, np.float32(LEAST_SHARE))
+        return share
