@@ -80,4 +80,5 @@ def grey_model(
     density = np.exp(-0.5 * z) / np.sqrt(2 * np.pi * variance)[:, None, :]
     table = np.log(density @ shares + _LEAST)
     table = np.concatenate((table, np.zeros((len(table), 1))), axis=1)
-    return GreyModel(table.astype(np.float32), float(first), float(step), mirrored, scattered, blur_px)
+    grey_levels = float(first), float(step), float(mirrored), float(scattered)
+    return GreyModel(table.astype(np.float32), *grey_levels, blur_px)
