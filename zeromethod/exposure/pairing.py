@@ -247,8 +247,8 @@ def pair(
     """Observation of one frame; None when no picture of the log was fully lit before its exposure.
 
     look_q: (rows, cols, 2) where the nodes look on the panel, LCD px, to some tens of rows: the latest
-    estimate. kind: the target's. sight: None for single points, seen sharply. Where only one picture was lit its warp is
-    returned as logged (a view): the usual case while the pattern does not change.
+    estimate. kind: the target's. sight: None for single points, seen sharply. Where only one picture was lit
+    its warp is returned as logged (a view): the usual case while the pattern does not change.
     """
     times = log.times_ns()
     if not len(times):

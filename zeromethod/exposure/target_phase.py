@@ -229,8 +229,8 @@ def _late_rates(weights: Float, late_per_s: Float, waves: Complex, blur: Float, 
     """(n, 2) change of the phase per second of lateness, over a window that reaches so far."""
     total = _averaged(_phasors(weights, waves, blur), reach)
     change = _averaged(_phasors(late_per_s, waves, blur), reach)
-    out = np.empty(total.shape)
-    for n in range(out.shape[0]):
+    out = np.empty((len(total), 2))
+    for n in range(len(total)):
         for c in range(2):
             length = max(abs(total[n, c]), LEAST_CONTRAST)
             out[n, c] = (change[n, c] * total[n, c].conjugate()).imag / (length * length)
