@@ -38,7 +38,7 @@ LEAST_MM2 = 0.2
 """Area below which nothing is called a contact."""
 _LENS_PX = 0.5
 """Blur of a border by a pupil that the rig does not give."""
-_EDGE_PX = 0.15
+_EDGE_PX = 0.1
 """What the blur's own uncertainty leaves open of a border."""
 _PARTED_PX = 4.0
 """Standard deviation of the border drawn round parts with gaps between."""
@@ -186,6 +186,7 @@ class ContactFinder:
             sigma_edge_mm=float(np.sqrt(open_mm**2 + own_mm**2 + sum(np.square(seen.sigma_mm)) / 2)),
             outline_px=points_px,
             scattered=region.scattered,
+            leak_mm=beyond,
             probability=Probability(region.left, region.top, region.probability),
         )
 

@@ -24,6 +24,7 @@ from zeromethod.pattern.strips import Strips
 from zeromethod.rig.model import Rig
 from zeromethod.sensing.sensor import ResidualSensor
 from zeromethod.surface.expected_light import ExpectedLight
+from zeromethod.surface.lamp_light import LampLight
 from zeromethod.warp.rest import Rest
 
 _FRAMES = 8
@@ -60,7 +61,7 @@ def make_circle(
         rest = rest.without(covered)
     target = Target.from_spec(rig.target)
     sensor = sensor or ResidualSensor.from_rig(rig, rest.grid, target.light, covered)
-    light = ExpectedLight(optics, rest)
+    light = (LampLight if rig.light.by_mirror else ExpectedLight)(optics, rest)
     timing = PanelTiming.of(rig.display)
     panel, diagonal = (timing.rows, timing.upwards), rig.target.kind == "checker"
     spread = rig.camera.psf_px**2 + 1 / 12, rig.display.fill_factor[1] ** 2 / 12
