@@ -92,7 +92,7 @@ def test_a_digit_takes_about_a_cycle_at_every_size(shape, mask):
 
 
 def test_islands_that_rounding_alone_ties_together_are_solved_in_any_unit():
-    """Coarse nodes of an island have no edges but 1e-17 of the others', whose inverse single precision lacks."""
+    """A coarse node without edges keeps 1e-17 of the others', whose inverse single precision cannot hold."""
     generator = np.random.default_rng(7)
     whole = np.ones((17, 17), bool)
     islands = generator.random(whole.shape) < 0.6

@@ -19,13 +19,14 @@ import math
 import numba
 import numpy as np
 
-from zeromethod.arrays import Flags, Float, Mask
+from zeromethod.arrays import Flags, Float, Ints, Mask
 from zeromethod.exposure.pairing import Observation
 from zeromethod.loop.measured_warp import Known, expect
 from zeromethod.sensing.residual import Residual
 from zeromethod.warp.compose import compose
 from zeromethod.warp.continuation import continue_smoothly
 from zeromethod.warp.rest import Rest
+from zeromethod.warp.validity import Flag
 
 ENLARGED = 1 / 32
 """s: half a camera px for each period of 16, some fifty times a node's noise."""
@@ -46,6 +47,10 @@ BENT_SHARE = 0.65
 """How far nodes are from where a picture displaced as a whole would have them, over how far they moved, from
 which a press bent it; medians. A finger in a small view has 0.76, a dent much wider than the view 0.44."""
 
+SIDE_SHARE = 0.9
+"""Share of the outermost nodes on one side that see light but no carrier from which the view looks past what
+is drawn. Phase says nothing of whole periods: a view that is displaced by them may look merely bent."""
+
 ALIKE_PX = 0.05
 """How far pictures at rest may differ, LCD px, and what their mixture does, camera px, to count as one."""
 
@@ -62,6 +67,8 @@ the first of them may have seen the one before."""
 
 LONGEST_S = 1.0
 """Time after which an order that could not be found counts as lost."""
+
+_MODULATION, _BARE = np.uint16(Flag.MODULATION), np.uint16(Flag.MODULATION | Flag.LIGHT_LOST)
 
 _SAME_LCD_PX = 1e-3
 """Difference between warps that are the same; recordings round them."""
@@ -91,6 +98,8 @@ class OrderCheck:
         )
         self._diagonal = diagonal
         self._visible = int(np.count_nonzero(rest.visible))
+        self._sides = _outermost(rest.visible)
+        self._past = np.zeros(len(self._sides), np.bool_)
         self._started = False
         self._last_ns = 0
         self._steady = 0
@@ -125,6 +134,7 @@ class OrderCheck:
             self._started = self._still = False
             self._unsure = 0
             return None
+        slides = self._looks_past(residual.flags)
         interrupted = not self._started or time_ns - self._last_ns > 1e9 * GAP_S
         self._started, self._last_ns = True, time_ns
         jump_px = JUMP_PERIODS * self._rest.grid.period_px
@@ -133,15 +143,16 @@ class OrderCheck:
             jumps = jumped > JUMPED_SHARE and quiet < JUMPED_QUIET_SHARE
             moves = self._still and quiet < JUMPED_QUIET_SHARE and self._as_one_piece(residual, known)
             self._still = quiet > STILL_SHARE
-            if quiet > QUIET_SHARE or not (interrupted or jumps or moves):
+            if not slides and (quiet > QUIET_SHARE or not (interrupted or jumps or moves)):
                 return None
             at_rest = expect(observation, self._rest.q, self._rest.visible, self._rest).residual_px
-            if _changes(residual.d, at_rest, residual.flags, QUIET_PX, jump_px)[0] > QUIET_SHARE:
+            quiet = _changes(residual.d, at_rest, residual.flags, QUIET_PX, jump_px)[0]
+            if not slides and quiet > QUIET_SHARE:
                 return None
             # as this frame saw it, which shows what a picture to be kept must
             self._kept, self._since_ns, self._seen = observation.shown.q.copy(), time_ns, None
             self._steady = 0
-            if moves and not (jumps or interrupted):
+            if moves and not (jumps or interrupted or slides):
                 # so that no frame is lost where it is over in the next, which still sees the picture kept
                 self._larger, self._unsure = self._enlarged(self._kept), 1
                 return None
@@ -150,6 +161,14 @@ class OrderCheck:
             self._settle(observation, residual, quiet > STILL_SHARE)
             return None
         return self._compare(observation, residual, known)
+
+    def _looks_past(self, flags: Flags) -> bool:
+        """Whether a side of the view has just begun to look past what is drawn."""
+        bare = flags & _BARE == _MODULATION
+        past = np.array([np.mean(bare[side]) > SIDE_SHARE for side in self._sides])
+        begins = bool((past & ~self._past).any())
+        self._past = past
+        return begins
 
     def _as_one_piece(self, residual: Residual, known: Known) -> bool:
         """Whether the picture was displaced, turned and stretched more than bent, which a press does."""
@@ -227,6 +246,15 @@ class OrderCheck:
 
     def _from_carriers(self, d: Float) -> Float:
         return 0.5 * self._to_carriers(d) if self._diagonal else d
+
+
+def _outermost(visible: Mask) -> list[tuple[Ints, Ints]]:
+    """Rows and columns of the outermost nodes on the four sides, of those visible (rows, cols)."""
+    rows, cols = np.flatnonzero(visible.any(axis=1)), np.flatnonzero(visible.any(axis=0))
+    top, left = visible.argmax(axis=0)[cols], visible.argmax(axis=1)[rows]
+    bottom = visible.shape[0] - 1 - visible[::-1].argmax(axis=0)[cols]
+    right = visible.shape[1] - 1 - visible[:, ::-1].argmax(axis=1)[rows]
+    return [(top, cols), (bottom, cols), (rows, left), (rows, right)]
 
 
 def _alone(observation: Observation, q: Float, within_px: float) -> bool:
