@@ -50,7 +50,7 @@ class View:
     def look(self, d: np.ndarray, every_ns: int = FRAME_NS, flags: np.ndarray | None = None) -> Known | None:
         """One frame of what the check wants to be shown: the target at rest, or enlarged.
 
-        flags: (rows, cols) that nodes carry besides.
+        flags: (rows, cols) that nodes carry besides; those without a carrier have no contrast.
         """
         self.asked.append(self.check.commanded)
         shown = self.asked.pop(0)
@@ -59,10 +59,11 @@ class View:
         true, expected = ((1 + ENLARGED) * (away + one) - away if larger else one for one in (d, self.last))
         self.last = d
         residual = Residual.empty(REST.grid)
-        residual.d[:], residual.sigma[:] = self.wrapped(true), SIGMA_PX
+        residual.d[:], residual.sigma[:], residual.modulation[:] = self.wrapped(true), SIGMA_PX, 1.0
         residual.flags[:] = np.where(REST.visible, 0, residual.flags)
         if flags is not None:
             residual.flags[:] |= flags.astype(np.uint16)
+            residual.modulation[flags & Flag.MODULATION > 0] = 0.0
         self.frames += 1
         warp = Warp.drawn(REST.q if shown is None else shown, Role.SHOWN, self.frames * every_ns)
         frame = Frame(np.zeros((1, 1), np.uint8), warp.time_ns, 8_000_000, self.frames)

@@ -47,9 +47,10 @@ BENT_SHARE = 0.65
 """How far nodes are from where a picture displaced as a whole would have them, over how far they moved, from
 which a press bent it; medians. A finger in a small view has 0.76, a dent much wider than the view 0.44."""
 
-SIDE_SHARE = 0.9
-"""Share of the outermost nodes on one side that see light but no carrier from which the view looks past what
-is drawn. Phase says nothing of whole periods: a view that is displaced by them may look merely bent."""
+SIDE_SHARE, BARE_CONTRAST = 0.9, 0.3
+"""Share of the outermost nodes on one side that see light, but so little of the carrier's contrast in the
+view, from which that side looks past what is drawn, as it does from 1.7 periods on. Phase does not show whole
+periods: a view that is displaced by them may look merely bent."""
 
 ALIKE_PX = 0.05
 """How far pictures at rest may differ, LCD px, and what their mixture does, camera px, to count as one."""
@@ -68,7 +69,7 @@ the first of them may have seen the one before."""
 LONGEST_S = 1.0
 """Time after which an order that could not be found counts as lost."""
 
-_MODULATION, _BARE = np.uint16(Flag.MODULATION), np.uint16(Flag.MODULATION | Flag.LIGHT_LOST)
+_LIGHT_LOST, _SOME = np.uint16(Flag.LIGHT_LOST), 8
 
 _SAME_LCD_PX = 1e-3
 """Difference between warps that are the same; recordings round them."""
@@ -98,8 +99,11 @@ class OrderCheck:
         )
         self._diagonal = diagonal
         self._visible = int(np.count_nonzero(rest.visible))
-        self._sides = _outermost(rest.visible)
-        self._past = np.zeros(len(self._sides), np.bool_)
+        sides = _outermost(rest.visible)
+        self._side_sizes = np.array([len(side) for side in sides])
+        self._side_starts = np.cumsum([0, *self._side_sizes[:-1]])
+        self._sides = np.concatenate(sides)
+        self._past = np.zeros(len(sides), np.bool_)
         self._started = False
         self._last_ns = 0
         self._steady = 0
@@ -134,7 +138,7 @@ class OrderCheck:
             self._started = self._still = False
             self._unsure = 0
             return None
-        slides = self._looks_past(residual.flags)
+        slides = self._looks_past(residual)
         interrupted = not self._started or time_ns - self._last_ns > 1e9 * GAP_S
         self._started, self._last_ns = True, time_ns
         jump_px = JUMP_PERIODS * self._rest.grid.period_px
@@ -162,10 +166,15 @@ class OrderCheck:
             return None
         return self._compare(observation, residual, known)
 
-    def _looks_past(self, flags: Flags) -> bool:
+    def _looks_past(self, residual: Residual) -> bool:
         """Whether a side of the view has just begun to look past what is drawn."""
-        bare = flags & _BARE == _MODULATION
-        past = np.array([np.mean(bare[side]) > SIDE_SHARE for side in self._sides])
+        some = residual.modulation[::_SOME, ::_SOME][residual.flags[::_SOME, ::_SOME] == 0]
+        if not len(some):
+            return False
+        at, amplitude = self._sides, residual.modulation.reshape(-1, 2)
+        bare = (amplitude[at] < BARE_CONTRAST * some.mean(axis=0)).all(axis=1)
+        bare &= residual.flags.ravel()[at] & _LIGHT_LOST == 0
+        past = np.add.reduceat(bare, self._side_starts, dtype=np.int64) > SIDE_SHARE * self._side_sizes
         begins = bool((past & ~self._past).any())
         self._past = past
         return begins
@@ -248,13 +257,16 @@ class OrderCheck:
         return 0.5 * self._to_carriers(d) if self._diagonal else d
 
 
-def _outermost(visible: Mask) -> list[tuple[Ints, Ints]]:
-    """Rows and columns of the outermost nodes on the four sides, of those visible (rows, cols)."""
-    rows, cols = np.flatnonzero(visible.any(axis=1)), np.flatnonzero(visible.any(axis=0))
-    top, left = visible.argmax(axis=0)[cols], visible.argmax(axis=1)[rows]
-    bottom = visible.shape[0] - 1 - visible[::-1].argmax(axis=0)[cols]
-    right = visible.shape[1] - 1 - visible[:, ::-1].argmax(axis=1)[rows]
-    return [(top, cols), (bottom, cols), (rows, left), (rows, right)]
+def _outermost(visible: Mask) -> list[Ints]:
+    """Numbers of the outermost nodes on each of the four sides, of those visible (rows, cols)."""
+    numbers = np.arange(visible.size).reshape(visible.shape)
+    rows, cols = visible.any(axis=1), visible.any(axis=0)
+    turned = (visible.T[cols], numbers.T[cols]), (visible[rows], numbers[rows])
+    return [
+        lines[np.arange(len(lines)), seen.argmax(axis=1)]
+        for one, at in turned
+        for seen, lines in ((one, at), (one[:, ::-1], at[:, ::-1]))
+    ]
 
 
 def _alone(observation: Observation, q: Float, within_px: float) -> bool:
