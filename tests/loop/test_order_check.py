@@ -147,7 +147,7 @@ def test_a_side_that_looks_past_what_is_drawn_is_doubted_though_the_rest_seems_b
 
     A side that goes dark, as where something presses, says nothing, nor does half a side.
     """
-    bent = np.stack([(U - U.min()) ** 2 / np.ptp(U) ** 2, 0 * U], axis=-1)
+    bent = np.stack([2 * (U - U.min()) ** 2 / np.ptp(U) ** 2, 0 * U], axis=-1)
     d, side = 7 * PERIOD_PX * np.array([1.0, 0.0]) + bent, np.zeros(U.shape, np.uint16)
     side[:, -14:] = Flag.MODULATION
     half, dark = np.where(MIDDLE[1] < V, side, 0), np.where(side > 0, side | Flag.LIGHT_LOST, 0)

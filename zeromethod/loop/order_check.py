@@ -103,7 +103,7 @@ class OrderCheck:
         self._side_sizes = np.array([len(side) for side in sides])
         self._side_starts = np.cumsum([0, *self._side_sizes[:-1]])
         self._sides = np.concatenate(sides)
-        self._past = np.zeros(len(sides), np.bool_)
+        self._past, self._stirred = np.zeros(len(sides), np.bool_), True
         self._started = False
         self._last_ns = 0
         self._steady = 0
@@ -138,7 +138,6 @@ class OrderCheck:
             self._started = self._still = False
             self._unsure = 0
             return None
-        slides = self._looks_past(residual)
         interrupted = not self._started or time_ns - self._last_ns > 1e9 * GAP_S
         self._started, self._last_ns = True, time_ns
         jump_px = JUMP_PERIODS * self._rest.grid.period_px
@@ -146,6 +145,7 @@ class OrderCheck:
             quiet, jumped = _changes(residual.d, known.residual_px, residual.flags, QUIET_PX, jump_px)
             jumps = jumped > JUMPED_SHARE and quiet < JUMPED_QUIET_SHARE
             moves = self._still and quiet < JUMPED_QUIET_SHARE and self._as_one_piece(residual, known)
+            slides = self._slides(residual, quiet)
             self._still = quiet > STILL_SHARE
             if not slides and (quiet > QUIET_SHARE or not (interrupted or jumps or moves)):
                 return None
@@ -166,8 +166,11 @@ class OrderCheck:
             return None
         return self._compare(observation, residual, known)
 
-    def _looks_past(self, residual: Residual) -> bool:
-        """Whether a side of the view has just begun to look past what is drawn."""
+    def _slides(self, residual: Residual, quiet: float) -> bool:
+        """Whether a side of the view begins to look past what is drawn; quiet: share of it that is still."""
+        if quiet > STILL_SHARE and not self._stirred:
+            return False
+        self._stirred = quiet <= STILL_SHARE
         some = residual.modulation[::_SOME, ::_SOME][residual.flags[::_SOME, ::_SOME] == 0]
         if not len(some):
             return False
