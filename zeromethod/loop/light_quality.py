@@ -51,7 +51,7 @@ def mean_of(values: Single, chosen: Mask) -> float:
     count = 0
     for j in range(chosen.shape[0]):
         for i in range(chosen.shape[1]):
-            total += values[j, i] if chosen[j, i] else np.float32(0)
+            total += float(values[j, i]) if chosen[j, i] else 0.0
             count += chosen[j, i]
     return total / max(count, 1)
 
