@@ -60,13 +60,13 @@ class RestFit:
 
 @dataclass(frozen=True, slots=True)
 class KnownReading:
-    """What was read, (rows, cols): depth and h, noise of depth / h, mm; slope and its variance (..., 2)."""
+    """What was read, (rows, cols): depth, h, variance of depth / h, mm^2; slope, its variance (..., 2)."""
 
     x_mm: Float
     y_mm: Float
     depth_mm: Float
     scale: Float
-    noise_mm: Float
+    noise2: Float
     slope: Float
     variance: Float
 
@@ -98,7 +98,7 @@ def known_misfit(
     share their noise.
     """
     w, x, y = fit.weights, reading.x_mm, reading.y_mm
-    off2 = float((w * ((reading.depth_mm / reading.scale) ** 2 - reading.noise_mm**2))[w > 0.0].sum())
+    off2 = float((w * ((reading.depth_mm / reading.scale) ** 2 - reading.noise2))[w > 0.0].sum())
     nearest, steepest = np.full(x.shape, np.inf), 0.0
     for place in known_rest:
         inside = known_nodes([place], x, y) & (w > 0.0)
@@ -149,7 +149,7 @@ class Border:
 
 
 class _Choice(NamedTuple):
-    """Mean depth / h, mm, of nodes with weights (rows, cols); their flat numbers and the deepest of all nodes.
+    """Mean depth / h, mm, of nodes with weights (rows, cols); their flat numbers, and the deepest node.
 
     slope2: (rows, cols) squared slope of the blocks, by which they were chosen.
     """
@@ -219,10 +219,9 @@ class Quiet:
         least = 1.0 + 5.0 * float(np.sqrt(shared / border.nodes))
         if not over_noise(*read, border.island) > 2 * border.nodes * least:
             return RestFit("quiet", chosen.weights, 0.0)
-        implied, own, seen, noise, squares = quiet_sums(
-            chosen.nodes, chosen.weights, *self._place, chosen.deepest, self._least2, self._scale, *read,
-            chosen.slope2, self._means, border.averaging,
-        )  # fmt: skip
+        nodes = chosen.nodes, chosen.weights, *self._place, chosen.deepest, self._least2, self._scale
+        around = chosen.slope2, self._means, border.averaging
+        implied, own, seen, noise, squares = quiet_sums(*nodes, *read, *around)
         # Mean depth / h by the slope if depth decays as 1/r around the deepest node: depth A/r has radial
         # slope -depth/r. Only the part above twice its noise counts; a field that decays faster is
         # overestimated.

@@ -126,7 +126,7 @@ class NodeVariance:
             np.ascontiguousarray(np.einsum("ijca,cij->aij", factor, np.stack(way)), np.float32)
             for way in ways
         )
-        (_, down), (_, across) = stencils(island)
+        (_, down), (_, across) = stencils(linear.island)
         self._stencils = across, down
         steps = []
         for weights, next_to_gap in zip((linear.across, linear.down), self._stencils, strict=True):

@@ -91,7 +91,7 @@ def _farthest(constant: Float, scale: Float, mean: float, island: Mask) -> tuple
 
 @numba.njit(cache=True, error_model="numpy", fastmath={"contract", "nnan", "nsz"})
 def _divide(weights: Float, x: Float, y: Float, at: tuple[int, int], least2: float) -> float:
-    """Divide weights (rows, cols) that are not 0 by the squared way from a node, at least least2; the largest."""
+    """Divide weights (rows, cols) by the squared way from a node, at least least2; the largest."""
     largest, at_x, at_y = 0.0, x[at], y[at]
     for i in range(weights.shape[0]):
         for j in range(weights.shape[1]):
@@ -161,7 +161,7 @@ def shortest_interval(values: Float, weights: Float, order: Ints, share: float) 
 
 @numba.njit(cache=True, error_model="numpy")
 def agreeing(nodes: Ints, values: Float, weights: Float, low: float, high: float, out: Float) -> float:
-    """Take weight from nodes (n,) whose values are outside an interval, and fill it in, so that it adds up to 1.
+    """Take weight from nodes (n,) with values outside an interval; fill it in, so that it adds up to 1.
 
     Their mean with these weights.
     """
@@ -184,10 +184,10 @@ def quiet_sums(
     slope: Float, gradient: Float, multiple: float, variance: Float, slope2: Single, means: Single,
     averaging: Float,
 ) -> tuple[float, float, float, float, float]:  # fmt: skip
-    """Mean depth / h by the slope, less a multiple of the gradient, along the way from `at`; its variance, mm^2.
+    """Mean depth / h by the slope, less a multiple of the gradient, along the way from `at`; its variance.
 
-    That is for nodes (n,) with noise of their own, and weights (rows, cols). And the weighted squares of slope
-    and of its noise over the levers, mm^2; the sum of the squared weights.
+    That is in mm^2, for nodes (n,) with noise of their own and weights (rows, cols). And the squares of slope
+    and of its noise over the levers, weighted, mm^2; the sum of the squared weights.
     """
     implied = own = seen = noise = squares = 0.0
     for k in range(len(nodes)):
