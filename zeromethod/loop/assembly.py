@@ -23,6 +23,7 @@ from zeromethod.pattern.strips import Strips
 from zeromethod.rig.model import Rig
 from zeromethod.sensing.sensor import ResidualSensor
 from zeromethod.surface.expected_light import ExpectedLight
+from zeromethod.surface.lamp_light import LampLight
 from zeromethod.warp.rest import Rest
 
 _FRAMES = 8
@@ -59,7 +60,7 @@ def make_circle(
         rest = rest.without(covered)
     target = Target.from_spec(rig.target)
     sensor = sensor or ResidualSensor.from_rig(rig, rest.grid, target.light, covered)
-    light = ExpectedLight(optics, rest)
+    light = (LampLight if rig.light.by_mirror else ExpectedLight)(optics, rest)
     timing = PanelTiming.of(rig.display)
 
     def circle() -> Circle:
