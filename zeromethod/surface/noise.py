@@ -168,7 +168,7 @@ class _Map:
         return np.asarray(out)
 
     def take(self, at_once: bool) -> None:
-        """Work out some samples more, or all; the map is made before the first, with the first few, and with all.
+        """Work out some samples more, or all; the map is made before them, with the first few, and with all.
 
         In the reading with which it begins none are, where another mask's are known; of masks that change
         from reading to reading every few ones are.
