@@ -34,8 +34,9 @@ from numpy.typing import NDArray
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.mechanics.body import BodyKernel
-from zeromethod.surface.far_field_laws import POINT, Body, Known, Nodes, chosen
+from zeromethod.surface.far_field_laws import Body, Known, Nodes, chosen
 from zeromethod.surface.far_field_posterior import posterior
+from zeromethod.surface.far_field_shapes import POINT
 from zeromethod.surface.far_field_starts import FREE_LAW, centre
 from zeromethod.surface.node_passes import diagonal
 
