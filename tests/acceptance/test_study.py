@@ -73,8 +73,8 @@ def test_processes_and_cluster_give_the_same_table_though_workers_die(study, tmp
 
         results = run_study(study, tmp_path / name, workers, on_progress=kill_in_the_middle)
         assert results.failures == []
-    # The one worker there was replaced. Of the two here the one that is left may be done with everything before a new
-    # one has started: how many took part is a matter of time, that more than the killed one did is not.
+    # The one worker there was replaced. Of the two here the one that is left may be done with everything
+    # before a new one has started: how many took part is a matter of time.
     assert len(pids["dask"]) == 2
     assert len(pids["local"]) >= 2
     table = pyarrow.parquet.read_table(tmp_path / "local" / TABLE)

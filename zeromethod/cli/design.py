@@ -7,9 +7,10 @@ from typing import Any
 
 import click
 
+from zeromethod.atomic_write import atomic_write
 from zeromethod.cli.device_options import given_rig
 from zeromethod.cli.numbers import Real
-from zeromethod.cli.output import REPLACES, OutputFile, summary_option, wide_console, write_summary
+from zeromethod.cli.output import REPLACES, OutputFile, summary_option, wide_console, write_summary, writing
 from zeromethod.design import (
     DEFAULT_KINDS,
     PressKind,
@@ -23,6 +24,8 @@ from zeromethod.design.assess import stability_figures
 from zeromethod.design.delay_budget import ASSUMED_COMPUTING_S
 from zeromethod.design.resolution import ASSUMED_PUPIL_MM
 from zeromethod.optics import check_geometry
+from zeromethod.pattern.printed import printed_pattern
+from zeromethod.rig.model import Rig
 from zeromethod.thread_limits import limit_threads
 from zeromethod.view.design_table import curves_table, design_table
 from zeromethod.view.progress import progress
@@ -50,6 +53,11 @@ _MOST_PUPIL_MM = 100.0
     help="Press whose largest depth is given: gaussian:2, ball:50, cone:5, edge:2 (mm); may be repeated.",
 )
 @click.option(
+    "--pattern",
+    type=OutputFile(".png"),
+    help=f"Draw the pattern for `run --passive`, to be printed at its true size (.png). {REPLACES}",
+)
+@click.option(
     "--pupil",
     "pupil_mm",
     type=Real(0, _MOST_PUPIL_MM, min_open=True),
@@ -66,6 +74,7 @@ def design_command(
     summary: Path | None,
     variations: tuple[str, ...],
     kinds: tuple[str, ...],
+    pattern: Path | None,
     pupil_mm: float | None,
     computing_s: float,
 ) -> None:
@@ -90,6 +99,19 @@ def design_command(
     figures["warnings"] = design_warnings(view, figures)
     figures["vary"] = [curve for _, curve in found]
     _report(view, figures, found, figure, summary)
+    if pattern is not None:
+        _print_pattern(rig, pattern)
+
+
+def _print_pattern(rig: Rig, path: Path) -> None:
+    from matplotlib.image import imsave  # noqa: PLC0415 - loads slowly
+
+    image, dots_per_inch = printed_pattern(rig)
+    with writing("--pattern", path), atomic_write(path) as part:
+        imsave(part, image, cmap="gray", vmin=0, vmax=255, dpi=dots_per_inch, format="png")
+    rows, cols = image.shape
+    pitch_mm = rig.display.pitch_mm
+    click.echo(f"{path}: print it {cols * pitch_mm:.2f} x {rows * pitch_mm:.2f} mm, {dots_per_inch:.1f} dpi")
 
 
 def _report(

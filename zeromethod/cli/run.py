@@ -23,6 +23,7 @@ from zeromethod.cli.device_options import (
     scenario_options,
     with_devices,
     with_given,
+    without_display,
 )
 from zeromethod.cli.first_rest import with_first_rest
 from zeromethod.cli.following import follow
@@ -79,6 +80,11 @@ _STRIPS = {True: "edges", False: "none", None: None}
 @click.option("--seconds", type=Real(min=0, min_open=True), help="Stop after this time.")
 @control_options
 @click.option(
+    "--passive",
+    is_flag=True,
+    help="Leave the picture at rest on the LCD, or, with a camera alone, a printed one: no loop.",
+)
+@click.option(
     "--follow-bench",
     is_flag=True,
     help="Correct motion of camera, LCD or prism where nothing presses, or two places are known to rest.",
@@ -110,6 +116,7 @@ def run_command(
     seed: int | None,
     loop_gain: float | None,
     controller: str | None,
+    passive: bool,
     follow_bench: bool,
     burst: str | None,
     fine: bool,
@@ -119,6 +126,7 @@ def run_command(
 ) -> None:
     """Close the loop: warp the LCD's pattern until the camera sees the target, read slope and depth.
 
+    With --passive nothing is nulled: a pattern is seen as it is, slope and depth read as an open loop can.
     Without arguments, a simulated bench is pressed 0.2 mm deep, the press slides 10 mm and lifts. With
     --display and --camera it runs on real devices until q, Ctrl-C, or --seconds; then p pauses corrections
     and z takes the mirror as it is for the mirror at rest.
@@ -130,6 +138,10 @@ def run_command(
         raise InputError("--frames and --seconds: give one of them, not both")
     options = BenchOptions(**others)
     rig = given_rig(rig_name, measured=not simulate)
+    if passive:
+        _check_passive(given_options(click.get_current_context()))
+        if options.address is not None and options.monitor is None:
+            rig = without_display(rig)
     if simulate:
         if options.given:
             raise InputError(f"--simulate and {options.given[0]}: give one of them, not both")
@@ -141,7 +153,7 @@ def run_command(
         simulation={"seed": seed},
         control={
             "gain": loop_gain,
-            "controller": controller,
+            "controller": "passive" if passive else controller,
             "strips": _STRIPS[strips],
             "follow_bench": follow_bench or None,
             "burst": burst,
@@ -196,6 +208,13 @@ def run_command(
             )
         recording.report(session.result.recording)
         _report(session.result, figure, summary)
+
+
+def _check_passive(typed: list[str]) -> None:
+    """Refuse options of the loop, which a passive run has not."""
+    for option in ("--controller", "--gain", "--strips", "--latency", "--burst", "--fine"):
+        if option in typed:
+            raise InputError(f"--passive and {option}: give one of them: a passive run has no loop")
 
 
 def _report(result: RunResult, figure: Path | None, summary: Path | None) -> None:

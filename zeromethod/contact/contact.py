@@ -67,6 +67,9 @@ class ContactFigures:
         towards y, 0 to 180.
     sigma_edge_mm : float
         Standard deviation of the border across itself, each point's own.
+    leak_mm : float
+        By how much the border was moved inwards, as light leaks across the gap beside a ball but not beside
+        an edge: half of what a ball's gap would let across.
     scattered : float
         Light that comes out of the contact, over the mean of the mirrored picture there.
     depth_mm, sigma_depth_mm : float
@@ -103,6 +106,7 @@ class ContactFigures:
     sigma_torque_x_nmm: float = math.nan
     torque_y_nmm: float = math.nan
     sigma_torque_y_nmm: float = math.nan
+    leak_mm: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -122,7 +126,8 @@ class Contact(ContactFigures):
     @classmethod
     def of_row(cls, row: Any) -> Contact:
         """From a row of a recording's table of contacts, which has neither pixels nor image."""
-        values = {field.name: row[field.name].item() for field in fields(ContactFigures)}
+        known = row.dtype.names
+        values = {one.name: row[one.name].item() for one in fields(ContactFigures) if one.name in known}
         outline = np.asarray(row["outline_mm"], dtype=np.float64)
         none = Probability(0, 0, np.zeros((0, 0), np.float32))
         return cls(**values, outline_mm=outline, outline_px=np.zeros((0, 2)), probability=none)

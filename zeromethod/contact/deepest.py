@@ -34,7 +34,7 @@ def deepest_of_all(surface: Surface, measured: Peak, contacts: Sequence[Contact]
         x, y = inside.x_mm, inside.y_mm
         peaks = [(one.depth_mm, one.sigma_depth_mm, one.x_mm, one.y_mm) for one in contacts]
         here = inside.depth_mm[at], inside.sigma_depth_mm[at], x[at], y[at]
-        depth, sigma, *place = (float(one) for one in max([here, *peaks], key=lambda one: abs(one[0])))
+        depth, sigma, *place = (float(one) for one in max([*peaks, here], key=lambda one: abs(one[0])))
         if not abs(depth) <= abs(measured.depth_mm):
             alike = inside.valid & (np.abs(inside.depth_mm - depth) <= sigma)
             alike[at] = True

@@ -38,7 +38,7 @@ LEAST_MM2 = 0.2
 """Area below which nothing is called a contact."""
 _LENS_PX = 0.5
 """Blur of a border by a pupil that the rig does not give."""
-_EDGE_PX = 0.15
+_EDGE_PX = 0.1
 """What the blur's own uncertainty leaves open of a border."""
 _PARTED_PX = 4.0
 """Standard deviation of the border drawn round parts with gaps between."""
@@ -186,6 +186,7 @@ class ContactFinder:
             sigma_edge_mm=float(np.sqrt(open_mm**2 + own_mm**2 + sum(np.square(seen.sigma_mm)) / 2)),
             outline_px=points_px,
             scattered=region.scattered,
+            leak_mm=beyond,
             probability=Probability(region.left, region.top, region.probability),
         )
 
@@ -204,9 +205,9 @@ def _outline(region: Region) -> Outline:
 
 
 def _blur_px(rig: Rig) -> float:
-    """Standard deviation of a border's blur by pixel and pupil; where no pupil is given, by some lens."""
+    """Standard deviation of a border's blur by pixel, lens and pupil; without a pupil given, by some lens."""
     pupil = _LENS_PX
     if rig.camera.pupil_mm > 0:
         # of a disc, its radius in the middle of the view
         pupil = float(np.sqrt(np.abs(np.linalg.det(footprint_terms(rig)[0])))) / 2
-    return float(np.hypot(pupil, np.sqrt(1 / 12)))
+    return float(np.sqrt(pupil**2 + rig.camera.psf_px**2 + 1 / 12))

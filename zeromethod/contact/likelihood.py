@@ -28,13 +28,16 @@ class GreyModel:
     """Log-likelihoods (distances, grey levels): distance -REACH_PX (inside) to REACH_PX by STEP_PX.
 
     Grey levels, black taken off: `first` + k x `step`, k below LEVELS; the last column, UNKNOWN, is 0.
-    `mirrored`: mean grey of the picture.
+    `mirrored`: mean grey of the picture; `scattered`: grey level inside. `blur_px`: standard deviation of the
+    border's blur.
     """
 
     table: Single
     first: float
     step: float
     mirrored: float
+    scattered: float
+    blur_px: float
 
     def index(self, grey: Single) -> Bytes:
         """Column of the table of each grey level."""
@@ -77,4 +80,5 @@ def grey_model(
     density = np.exp(-0.5 * z) / np.sqrt(2 * np.pi * variance)[:, None, :]
     table = np.log(density @ shares + _LEAST)
     table = np.concatenate((table, np.zeros((len(table), 1))), axis=1)
-    return GreyModel(table.astype(np.float32), float(first), float(step), mirrored)
+    grey_levels = float(first), float(step), float(mirrored), float(scattered)
+    return GreyModel(table.astype(np.float32), *grey_levels, blur_px)

@@ -1,7 +1,12 @@
-"""A contact's border to a fraction of a pixel: where the grey levels across it are most likely."""
+"""A contact's border to a fraction of a pixel: where the grey levels across it are most likely.
+
+Where on the whole it lies is said by the light across it: its mean over the border does not depend on what
+the picture shows beside, as likelihoods do.
+"""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import cv2
@@ -10,7 +15,7 @@ import numpy as np
 
 from zeromethod.arrays import Bytes, Float, Mask, Single
 from zeromethod.contact import polygon
-from zeromethod.contact.likelihood import REACH_PX, STEP_PX, GreyModel
+from zeromethod.contact.likelihood import REACH_PX, STEP_PX, UNKNOWN, GreyModel
 from zeromethod.contact.polygon import evenly, normals, perimeter, signed_area, smooth
 
 _ACROSS = 8
@@ -27,6 +32,13 @@ _SMOOTH_PX = 3.0
 _ALIKE = 16.0
 """Pixels that say one thing: what the model takes for chance is one carrier's phase. Borders of made-up discs
 scatter as that has it."""
+_BALANCE_PX = 2.5
+"""Distance from the border within which light is summed."""
+_EVEN = 0.1
+"""Share of the picture at which its phase and the camera's noise make light as uncertain as each other."""
+_BALANCES = 2
+_FARTHEST = 2.0
+"""Standard deviations by which light may move a border: a shadow beside it is dark, whatever the phase."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +75,26 @@ def refined(points: Float, columns: Bytes, model: GreyModel) -> Outline:
         sigma = float(1 / np.sqrt(alone * max(sharpness, 1e-6)))
         way = smooth(moved, _SMOOTH_PX / _APART_PX)
         points = smooth(resampled(points + way * out), 1.0 / _APART_PX)
-    return Outline(points, min(sigma, 1.0))
+    sigma = min(sigma, 1.0)
+    return Outline(_balanced(points, columns, model, sigma), sigma)
+
+
+def _balanced(points: Float, columns: Bytes, model: GreyModel, sigma: float) -> Float:
+    """The border moved as a whole to where the light across it is as its blur has it, on average."""
+    around = perimeter(points)
+    limit = _FARTHEST * sigma * min(math.sqrt(WINDOW_PX / around), 1.0)
+    out, moved = normals(points), 0.0
+    for _ in range(_BALANCES):
+        # of a blurred border that bends outwards half of the light lies inside it
+        bend = math.pi * model.blur_px**2 / around
+        lacks = _lacking_light(
+            points + moved * out, out, columns, bend, model.first, model.step, model.scattered,
+            model.mirrored, model.blur_px,
+        )  # fmt: skip
+        moved = min(max(moved + lacks, -limit), limit)
+    # a polygon's sides are chords
+    chord = math.pi * (around / len(points)) ** 2 / (6 * around)
+    return np.asarray(points + (moved + chord) * out)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -88,6 +119,38 @@ def _scores(points: Float, out: Float, columns: Bytes, table: Single) -> Float:
 
 
 @numba.njit(cache=True, nogil=True)
+def _lacking_light(
+    points: Float,
+    out: Float,
+    columns: Bytes,
+    bend: float,
+    first: float,
+    step: float,
+    scattered: float,
+    mirrored: float,
+    blur_px: float,
+) -> float:
+    """By how many px the border lies too far inside for the light across it."""
+    rows, cols = columns.shape
+    lacks, by_px = 0.0, 1e-9
+    for i in range(len(points)):
+        for k in range(-_ACROSS, _ACROSS + 1):
+            u = int(np.rint(points[i, 0] + k * out[i, 0]))
+            v = int(np.rint(points[i, 1] + k * out[i, 1]))
+            if not (0 <= u < cols and 0 <= v < rows) or columns[v, u] == UNKNOWN:
+                continue
+            at = (u - points[i, 0]) * out[i, 0] + (v - points[i, 1]) * out[i, 1] + bend
+            if abs(at) > _BALANCE_PX:
+                continue
+            share = 0.5 * (1 + math.erf(at / (math.sqrt(2.0) * blur_px)))
+            per_px = math.exp(-0.5 * (at / blur_px) ** 2) / (math.sqrt(2 * math.pi) * blur_px)
+            weight = per_px / (_EVEN + share)
+            lacks += weight * (share - (first + step * columns[v, u] - scattered) / (mirrored - scattered))
+            by_px += weight * per_px
+    return lacks / by_px
+
+
+@numba.njit(cache=True, nogil=True)
 def _highest(score: Float) -> tuple[Float, float]:
     """(px (n, 1) of each row's highest point, median second derivative there, sign turned, 1/px^2)."""
     count, steps = score.shape
@@ -106,4 +169,6 @@ def compile_ahead() -> None:
     """Have the compiled functions ready before the first contact."""
     polygon.compile_ahead()
     table = np.zeros((2 * int(REACH_PX / STEP_PX) + 1, 1), np.float32)
-    _highest(_scores(np.zeros((1, 2)), np.ones((1, 2)), np.zeros((1, 1), np.uint8), table))
+    place, columns = np.zeros((1, 2)), np.zeros((1, 1), np.uint8)
+    _highest(_scores(place, place + 1, columns, table))
+    _lacking_light(place, place + 1, columns, 0.0, 0.0, 1.0, 0.0, 1.0, 1.0)

@@ -123,9 +123,10 @@ def pressure_map(
     found = _read(yielding, Overlap.of(rig), surface, contacts, number)
     if not found.sticks:
         return found
-    # light leaks beside a ball, of which half is taken off its area: not beside rubber that sticks
+    # light leaks beside a ball, of which half is taken off its border: not beside rubber that sticks
     one = contacts[number]
-    wider = [*contacts[:number], _grown(one, one.area_mm2 + one.sigma_area_mm2), *contacts[number + 1 :]]
+    wide = _grown(one, math.pi * (math.sqrt(one.area_mm2 / math.pi) + one.leak_mm) ** 2)
+    wider = [*contacts[:number], wide, *contacts[number + 1 :]]
     grown = _read(yielding, Overlap.of(rig), surface, wider, number)
     by_border = grown.pressure_mpa - found.pressure_mpa
     return replace(grown, sigma_mpa=np.hypot(grown.sigma_mpa, by_border))

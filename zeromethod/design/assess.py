@@ -18,7 +18,7 @@ from zeromethod.optics import check_geometry
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import ControlSpec, Rig
 
-_CONTROLLERS = get_args(ControlSpec.model_fields["controller"].annotation)
+_CONTROLLERS = sorted({*get_args(ControlSpec.model_fields["controller"].annotation)} - {"passive"})
 
 
 def assess_rig(

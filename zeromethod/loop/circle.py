@@ -17,6 +17,7 @@ import numpy as np
 from zeromethod.arrays import Float, Image, Mask, Single
 from zeromethod.control.composition import Composition, Controller
 from zeromethod.control.integrator import Integrator
+from zeromethod.control.passive import Passive
 from zeromethod.control.velocity import Horizon
 from zeromethod.devices.protocols import Frame
 from zeromethod.exposure.exposures import Exposures, Unpaired
@@ -114,7 +115,7 @@ def controller_of(control: ControlSpec, rest: Rest) -> Controller:
     """Make the controller that the rig asks for."""
     if control.controller == "integrator":
         return Integrator(rest, control.gain, control.leak)
-    return Composition(rest, control.gain)
+    return (Passive if control.passive else Composition)(rest, control.gain)
 
 
 class Circle:
@@ -228,10 +229,8 @@ class Circle:
         if self.burst is None or not self.burst.blinding:
             self._hold.learn(measured.flags)
         redraw, read = self._coded(observation, residual, measured, known_q, frozen)
-        changed, refusal = self._command(residual, measured, frozen)
-        if order is not Order.KNOWN:
-            changed = self._commanded_q is not drawn
-        changed |= redraw
+        refusal = self._command(residual, measured, frozen)
+        changed = redraw or self._commanded_q is not drawn
         valid = measured.valid
         nulled = valid if read is None else valid & ~read
         square, share, covered = node_figures(residual.d, nulled, valid, self.rest.visible, measured.flags)
@@ -285,22 +284,22 @@ class Circle:
         residual = self._sensor.measure(image, guess, light_share=light, target_rad=target)
         return self._lost_light.opened(unmixed(residual, observation, self.rest.grid))
 
-    def _command(self, residual: Residual, measured: Warp, frozen: bool) -> tuple[bool, Event | None]:
-        """Let the controller have the measurement: whether the command changed, or why it must not."""
+    def _command(self, residual: Residual, measured: Warp, frozen: bool) -> Event | None:
+        """Let the controller have the measurement; why the command must not change."""
         if frozen:
-            return False, Event.FROZEN
+            return Event.FROZEN
         if self.coded is not None:
-            return False, None
+            return None
         unsteady = None
         if self._unsteady is not None:
             unsteady = self._unsteady.learn(measured.flags, measured.time_ns)
-        changed = self.controller.update(residual, measured, self._horizon.age_s, unsteady)
-        if not changed and measured.valid.any():
-            return False, Event.PICTURES_MIXED
+        taken = self.controller.update(residual, measured, self._horizon.age_s, unsteady)
+        if not taken and measured.valid.any():
+            return Event.PICTURES_MIXED
         self._trusted = measured.valid
-        if changed:
+        if taken:
             self._source_ns = measured.time_ns
-        return changed, None
+        return None
 
     def take_reference(self, result: FrameResult) -> None:
         """Compare the light of later frames with that of this one, taken while the loop is locked."""

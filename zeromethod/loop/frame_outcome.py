@@ -23,11 +23,12 @@ def frame_outcome(
     paused: bool,
     at_rest: Callable[[], bool],
     doubt: Doubt | None,
+    passive: bool,
 ) -> StepOutcome:
     """What became of a frame, for `next_status`.
 
     at_rest: whether the mirror is untouched; asked only where the frame was measured. doubt: why readings
-    must not be trusted.
+    must not be trusted. passive: the pattern is never warped.
     """
     words = refusal.words if refusal else ""
     if verdict.wrong:
@@ -41,7 +42,7 @@ def frame_outcome(
     blinded = "the camera is blinded: too bright" if Event.SATURATED in events else ""
     unread = (BURST_WORDS if result.coded else BURST_AHEAD) if result.unread else ""
     seen = result.residual_rms_px, result.valid_share, at_rest(), result.covered_share
-    return StepOutcome(Outcome.MEASURED, blinded, *seen, doubt, result.order, unread)
+    return StepOutcome(Outcome.MEASURED, blinded, *seen, doubt, result.order, unread, passive)
 
 
 def frame_figures(frame: Frame, verdict: FrameVerdict, result: FrameResult) -> dict[str, Any]:

@@ -26,7 +26,16 @@ from zeromethod.loop.light_quality import LightQuality
 from zeromethod.loop.pattern_dwell import PatternDwell
 from zeromethod.loop.paused_gc import PausedGC
 from zeromethod.loop.screen import Screen
-from zeromethod.loop.state import LOCK_FRAMES, READ, Doubt, Outcome, State, Status, StepOutcome, next_status
+from zeromethod.loop.state import (
+    LOCK_FRAMES,
+    Doubt,
+    Outcome,
+    State,
+    Status,
+    StepOutcome,
+    next_status,
+    sees_target,
+)
 from zeromethod.loop.step import Step
 from zeromethod.loop.zero import Zero
 from zeromethod.optics import Optics
@@ -118,6 +127,7 @@ class Loop:
         self._garbage: PausedGC | None = None
         self._start_ns: int | None = None
         self._steps = 0
+        self._passive = rig.control.passive
         self._frozen = self._stop = self._waiting = self._referenced = False
 
     @property
@@ -265,7 +275,8 @@ class Loop:
         if result.coded:
             events += (Event.BURST,)
             self._notices.add(Notice(Event.BURST, BURST_WORDS))
-        state = self.paused, partial(self._at_rest, result), self.bench.doubt or self.doubt
+        doubt = self.bench.doubt or self.doubt
+        state = self.paused, partial(self._at_rest, result), doubt, self._passive
         outcome = frame_outcome(verdict, result, refusal, events, *state)
         self.over |= verdict.wrong and self._check.wrong_frames >= WRONG_FRAMES_TO_END
         if trouble is not None:
@@ -273,7 +284,7 @@ class Loop:
             outcome = StepOutcome(trouble.outcome, trouble.reason)
         self._notices.add_events(events, refusal.words if refusal else "")
         self.status = next_status(self.status, outcome)
-        if not self._referenced and self.status.state in READ:
+        if not self._referenced and sees_target(self.status.state, result.residual_rms_px):
             self._circle.take_reference(result)  # later light is compared with that of the first nulled frame
             self._referenced = True
         if resting := self.status.state is State.RESTING:

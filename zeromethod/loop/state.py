@@ -5,9 +5,10 @@
                                   +--------------- residual large --------+---------------------+
 
     LOCKED, RESTING --nulled, but its readings must not be trusted--> UNCALIBRATED, MOVED, and back
-    any of these seven --no usable new information--> HOLDING (STARTING keeps its name; the warp stays)
-    any of these eight  --most of the reflection gone--> COVERED; --few nodes still valid--> LOST
-    any of these ten  --asked to pause--> PAUSED (frames are measured, the warp stays) until resumed
+    STARTING, PASSIVE, RESTING --of a pattern that is never warped--> PASSIVE <--at rest?--> RESTING
+    any of these eight --no usable new information--> HOLDING (STARTING keeps its name; the warp stays)
+    any of these nine   --most of the reflection gone--> COVERED; --few nodes still valid--> LOST
+    any of these eleven --asked to pause--> PAUSED (frames are measured, the warp stays) until resumed
     any              --device lost, wrong frame, stalled--> FAULT
     HOLDING, COVERED, LOST, FAULT --usable frame--> any of NULLING ... MOVED, COVERED or LOST, by its figures
     any              --asked to stop--> STOPPED --run again--> STARTING
@@ -44,6 +45,7 @@ class State(enum.StrEnum):
     RESTING = "resting"
     NULLING = "nulling"
     LOCKED = "locked"
+    PASSIVE = "passive"
     UNCALIBRATED = "not calibrated"
     MOVED = "bench moved"
     COVERED = "covered"
@@ -57,8 +59,16 @@ class State(enum.StrEnum):
 NULLED = frozenset({State.LOCKED, State.RESTING})
 """States in which the camera sees the target: a reading of a held press counts."""
 
-READ = NULLED | {State.UNCALIBRATED}
-"""States in which the camera sees the target, so that depth can be read, if only as relative."""
+GOOD = NULLED | {State.PASSIVE}
+"""States in which readings count: by the null, or by an open loop that is asked for."""
+
+READ = GOOD | {State.UNCALIBRATED}
+"""States in which depth can be read, if only as relative."""
+
+
+def sees_target(state: State, residual_rms_px: float) -> bool:
+    """Whether the camera saw the target in a frame, which may then teach what it looks like; also passive."""
+    return state in READ and residual_rms_px < LOCK_RESIDUAL_PX
 
 
 class Doubt(NamedTuple):
@@ -83,7 +93,8 @@ class Outcome(enum.Enum):
 class StepOutcome:
     """What one step came to. The figures count only when it was measured; `reason` explains the others.
 
-    order: of the carrier, known or not. unread: what is done about nodes that no picture can null.
+    order: of the carrier, known or not. unread: what is done about nodes that no picture can null. passive:
+    the pattern is never warped, so that the residual is what is measured.
     """
 
     outcome: Outcome
@@ -95,6 +106,7 @@ class StepOutcome:
     doubt: Doubt | None = None
     order: Order = Order.KNOWN
     unread: str = ""
+    passive: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +134,7 @@ def next_status(previous: Status, step: StepOutcome) -> Status:
         case Outcome.PAUSED:
             return Status(State.PAUSED, step.reason, previous.nulled_frames)
         case Outcome.MEASURED:
-            return _measured(previous, step)
+            return _blind(step) or (_passive if step.passive else _nulled)(previous, step)
 
 
 def _blind(step: StepOutcome) -> Status | None:
@@ -138,9 +150,8 @@ def _blind(step: StepOutcome) -> Status | None:
     return None
 
 
-def _measured(previous: Status, step: StepOutcome) -> Status:
-    if (blind := _blind(step)) is not None:
-        return blind
+def _nulled(previous: Status, step: StepOutcome) -> Status:
+    """Status of a measured step of a loop that nulls."""
     if not step.residual_rms_px < LOCK_RESIDUAL_PX:
         return Status(State.NULLING, f"residual {step.residual_rms_px:.3g} px")
     nulled = previous.nulled_frames + 1
@@ -151,3 +162,13 @@ def _measured(previous: Status, step: StepOutcome) -> Status:
     if step.at_rest:
         return Status(State.RESTING, "nulled, no displacement seen", nulled)
     return Status(State.LOCKED, "nulled", nulled)
+
+
+def _passive(previous: Status, step: StepOutcome) -> Status:
+    """Status of a measured step whose pattern is never warped."""
+    nulled = previous.nulled_frames + 1 if step.residual_rms_px < LOCK_RESIDUAL_PX else 0
+    if step.doubt is not None:
+        return Status(*step.doubt, nulled)
+    if nulled >= LOCK_FRAMES and step.at_rest:
+        return Status(State.RESTING, "no displacement seen", nulled)
+    return Status(State.PASSIVE, "an open loop: the pattern is not warped", nulled)

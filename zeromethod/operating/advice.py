@@ -9,6 +9,7 @@ ADVICE = {
     State.RESTING: "",
     State.NULLING: "",
     State.LOCKED: "",
+    State.PASSIVE: "",
     State.UNCALIBRATED: "Depth is relative. Run zeromethod calibrate to have millimetres.",
     State.MOVED: "Fasten what moved, clear the mirror, then take a zero (z), or calibrate again.",
     State.COVERED: "Take away what covers the mirror.",
@@ -21,7 +22,16 @@ ADVICE = {
 """By state; empty where there is nothing to do."""
 
 FRESH = frozenset(
-    {State.RESTING, State.NULLING, State.LOCKED, State.UNCALIBRATED, State.MOVED, State.PAUSED, State.COVERED}
+    {
+        State.RESTING,
+        State.NULLING,
+        State.LOCKED,
+        State.PASSIVE,
+        State.UNCALIBRATED,
+        State.MOVED,
+        State.PAUSED,
+        State.COVERED,
+    }
 )
 """States in which every new frame is measured: readings are of now, unless they come late."""
 

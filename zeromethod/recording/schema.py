@@ -118,6 +118,7 @@ CONTACTS: Fields = {
     "minor_mm": ("f8", "mm", "shorter one"),
     "angle_deg": ("f8", "deg", "direction of the longer one, from x towards y"),
     "sigma_edge_mm": ("f8", "mm", "standard deviation of the border across itself"),
+    "leak_mm": ("f8", "mm", "how far the border was moved inwards for light that leaks beside it"),
     "scattered": ("f8", "", "light that comes out of the contact, over the picture's mean"),
     "depth_mm": ("f8", "mm", "depth at the deepest inside, carried in from around; NaN: not known"),
     "sigma_depth_mm": ("f8", "mm", "standard deviation of depth_mm"),

@@ -103,6 +103,8 @@ class Rig(Table):
     @property
     def coded(self) -> bool:
         """Whether coded strips are asked for, by itself or because a device is not the simulated one."""
+        if self.control.passive:
+            return False
         if self.control.strips == "auto":
             return {self.camera.driver, self.display.driver} != {SIMULATED}
         return self.control.strips == "edges"

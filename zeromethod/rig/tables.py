@@ -226,10 +226,11 @@ class ControlSpec(Table):
     display are the simulated ones. `follow_bench`: motion of camera, LCD or prism is corrected where it shows
     whole, while nothing presses or by two places known to rest. `burst`: whether coded pictures read the warp
     where none can null it (folds, what is too fine for the LCD): never, when needed, or again and again.
-    `lamp`: the LCD is white inside contacts.
+    `lamp`: the LCD is white inside contacts. Controller "passive": the picture at rest stays, as on a printed
+    pattern; nothing is nulled, and strips, bursts and lamp are not drawn.
     """
 
-    controller: Literal["composition", "integrator"] = "composition"
+    controller: Literal["composition", "integrator", "passive"] = "composition"
     gain: Annotated[float, Field(gt=0, le=1)] = 1.0
     leak: Annotated[float, Field(ge=0, lt=1)] = 0.01
     timeout_s: Positive = 1.0
@@ -237,6 +238,11 @@ class ControlSpec(Table):
     follow_bench: bool = False
     burst: Literal["never", "when-needed", "always"] = "when-needed"
     lamp: bool = True
+
+    @property
+    def passive(self) -> bool:
+        """Whether one picture stays for ever, and nothing is nulled."""
+        return self.controller == "passive"
 
 
 class KnownRest(Table):

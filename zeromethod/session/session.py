@@ -22,7 +22,7 @@ from zeromethod.errors import InputError, MeasurementError
 from zeromethod.loop.call import Call
 from zeromethod.loop.events import Event
 from zeromethod.loop.loop import Loop
-from zeromethod.loop.state import NULLED, READ, State
+from zeromethod.loop.state import NULLED, State, sees_target
 from zeromethod.loop.step import Step
 from zeromethod.optics import Optics, check_geometry
 from zeromethod.rig.load import load_rig
@@ -116,7 +116,7 @@ class Session:
             self._forces = ForceReader(self.rig)
             self._touched: tuple[Contact, ...] = ()
             self._uneven = UnevenRest(self.loop.q_rest)
-            self._lamp = Lamp(self._grid) if self.rig.control.lamp else None
+            self._lamp = Lamp(self._grid) if self.rig.control.lamp and not self.rig.control.passive else None
             self._publisher = stack.enter_context(publishing(publisher, self._devices.clock))
             self._scenario = script_of(self._devices.camera)
             self._phases = frozenset(one.name for one in (self._scenario.phases if self._scenario else ()))
@@ -319,7 +319,7 @@ class Session:
         if step.image is None or step.residual is None:
             return ()
         if Event.BURST not in step.events:  # where coded pictures are shown the carrier is not seen
-            nulled = step.state in READ
+            nulled = sees_target(step.state, step.residual_rms_px)
             self._touched = self._contacts.follow(step.image, step.residual, surface, nulled=nulled)
         return self._touched
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from zeromethod.loop.state import LOCK_FRAMES, LOCK_RESIDUAL_PX, NULLED, READ, State
+from zeromethod.loop.state import GOOD, LOCK_FRAMES, LOCK_RESIDUAL_PX, NULLED, READ, State
 from zeromethod.loop.step import StepFigures
 from zeromethod.rig.model import SIMULATED
 from zeromethod.session.contact_figures import contact_rows, force_figures, true_contact_rows
@@ -19,10 +19,10 @@ from zeromethod.session.result import RunResult
 
 Figures = dict[str, Any]
 
-_FOLLOWING = NULLED | {State.NULLING}
+_FOLLOWING = GOOD | {State.NULLING}
 """A moving press is never quite nulled; every frame that was measured counts."""
 
-_SEES_TARGET = NULLED | {State.UNCALIBRATED, State.MOVED, State.COVERED}
+_SEES_TARGET = GOOD | {State.UNCALIBRATED, State.MOVED, State.COVERED}
 _TAIL_S, _LEAST_TAIL_S = 5.0, 1.0
 
 _LIBRARIES = ("zeromethod", "numpy", "scipy", "numba", "opencv-contrib-python-headless", "moderngl")
@@ -239,7 +239,7 @@ def _depth_figures(result: RunResult, read: list[StepFigures]) -> Figures:
     """Depth, how much of the view it covers, and its errors where the truth is known."""
     records = result.records
     # without a scenario, every nulled frame was compared
-    truth = _against_truth(records, "hold" if any(record.phase for record in records) else "", NULLED)
+    truth = _against_truth(records, "hold" if any(record.phase for record in records) else "", GOOD)
     valid = (record.valid_share for record in reversed(records) if np.isfinite(record.residual_rms_px))
     return {
         "usable_share": truth["usable_share"] if truth else result.usable_share_at_rest,

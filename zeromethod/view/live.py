@@ -20,6 +20,7 @@ from zeromethod.still_busy import StillBusy
 STATE_COLOURS = {
     State.LOCKED: "#2e9e5b",
     State.RESTING: "#7cc7a0",
+    State.PASSIVE: "#3f8f8c",
     State.NULLING: "#e0b100",
     State.STARTING: "#c9b26b",
     State.HOLDING: "#e07b00",

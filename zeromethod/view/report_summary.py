@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from zeromethod.arrays import Float, Image, Mask
-from zeromethod.loop.state import NULLED, READ, State
+from zeromethod.loop.state import GOOD, READ, State
 from zeromethod.recording.recording import Recording
 from zeromethod.recording.schema import STATES
 from zeromethod.view.report_history import WITHOUT_READING, episodes, shares
@@ -39,7 +39,7 @@ def summarise_recording(recording: Recording) -> Figures:
         "calibrated": not recording.rig.geometry.relative,
         "reason": ends[-1].reason if ends else "",
         "shares": share_of,
-        "locked_share": sum(share_of.get(state, 0.0) for state in NULLED),
+        "locked_share": sum(share_of.get(state, 0.0) for state in GOOD),
         "residual_px_rms": _spread(steps["residual_rms_px"], nulled),
         "valid_share": _spread(steps["valid_share"], nulled)["median"],
         "largest": peak_figures(largest_peak(peaks)),

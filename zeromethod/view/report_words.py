@@ -60,9 +60,13 @@ def warnings(silent_s: float, figures: Figures) -> Iterator[str]:
 
 def summary_rows(figures: Figures, rig: Rig) -> Iterator[tuple[str, str]]:
     """The figures of the summary that were measured."""
+    passive = rig.control.passive
     if figures["state"]:
         yield "state at the end", f"{figures['state']}: {figures['reason']}"
-        yield "locked or resting", f"{figures['locked_share']:.1%} of the time"
+        yield (
+            "passive or resting" if passive else "locked or resting",
+            f"{figures['locked_share']:.1%} of the time",
+        )
     for label, key in (("peak of largest |depth|", "largest"), ("last peak", "last")):
         if (peak := figures[key]) is not None:
             yield label, peak_words(peak)
@@ -74,8 +78,12 @@ def summary_rows(figures: Figures, rig: Rig) -> Iterator[tuple[str, str]]:
         yield f"contact {one['id']}", f"{area} {place}{force}, {one['from_s']:.2f} to {one['to_s']:.2f} s"
     residual = figures["residual_px_rms"]
     if residual["median"] is not None:
-        yield "residual while nulled", f"{residual['median']:.4f} camera px rms (99 %: {residual['p99']:.4f})"
-        yield "nodes valid while nulled", f"{figures['valid_share']:.1%} of those visible at rest"
+        while_ = "read" if passive else "nulled"
+        yield (
+            f"residual while {while_}",
+            f"{residual['median']:.4f} camera px rms (99 %: {residual['p99']:.4f})",
+        )
+        yield f"nodes valid while {while_}", f"{figures['valid_share']:.1%} of those visible at rest"
     rate = "" if figures["rate_hz"] is None else f", {figures['rate_hz']:.2f} per second"
     yield "frames", f"{figures['frames']}{rate} (rig file: {rig.camera.rate_hz:g})"
     dropped = [f"{what} {count}" for what, count in figures["dropped"].items()]

@@ -5,7 +5,7 @@ const $ = (id) => document.getElementById(id);
 // shape and word say it, colour too
 const LOOKS = {
   locked: ["●", "good"], resting: ["○", "good"], nulling: ["◐", "warn"], starting: ["◌", ""], holding: ["‖", "warn"],
-  paused: ["‖", "warn"], "not calibrated": ["△", "warn"], "bench moved": ["▲", "bad"], covered: ["◼", "warn"],
+  passive: ["◎", "good"], paused: ["‖", "warn"], "not calibrated": ["△", "warn"], "bench moved": ["▲", "bad"], covered: ["◼", "warn"],
   lost: ["✕", "bad"], fault: ["✖", "bad"], stopped: ["■", ""], done: ["✔", "good"], failed: ["✖", "bad"],
 };
 

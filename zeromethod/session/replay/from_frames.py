@@ -16,7 +16,7 @@ from zeromethod.loop.assembly import make_circle
 from zeromethod.loop.call import DONE
 from zeromethod.loop.circle import Circle, FrameResult, from_zero
 from zeromethod.loop.frame_check import own
-from zeromethod.loop.state import READ, State
+from zeromethod.loop.state import State, sees_target
 from zeromethod.optics import Optics
 from zeromethod.recording.recording import Recording
 from zeromethod.rig.model import Rig
@@ -197,7 +197,7 @@ def _taken(recording: Recording, circle: Circle, window: Window) -> Iterator[tup
             for gain in gains.pop(step, ()):
                 circle.controller.set_gain(gain)
             taken = circle.take(own(frame), bool(row["frozen"]))
-        if not referenced and recording.state_of(row) in READ:
+        if not referenced and sees_target(recording.state_of(row), float(row["residual_rms_px"])):
             referenced = True
             if taken is not None:
                 circle.take_reference(taken)

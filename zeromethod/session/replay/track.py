@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zeromethod.arrays import Float, Single
-from zeromethod.loop.state import NULLED, State
+from zeromethod.loop.state import GOOD, State
 from zeromethod.warp.rest import Rest
 from zeromethod.warp.warp import Warp
 
@@ -43,8 +43,8 @@ class TrackPoint:
 
     @property
     def nulled(self) -> bool:
-        """Whether the loop said that the picture is nulled."""
-        return self.state in NULLED
+        """Whether the loop said that readings count."""
+        return self.state in GOOD
 
 
 @dataclass
