@@ -53,12 +53,13 @@ _RANGES, _MOST_RANGES = 1.0, 3.0
 that says more is doubted by as much as it says more. Such a dent moves what is seen hardly more than the
 multiple of the scale that cannot be seen."""
 
-_LAWS = 8
-_TWO = 2 * _LAWS
+_LAWS = 5
+_BALL = 2 * _LAWS
+_TWO = _BALL + 3
 _OWN = _TWO + OF_TWO
 _MEMBERS = _OWN + OF_OWN_LAWS + 1
-"""One dent by each law, the last three a ball's, the same from another start, two dents by one law, dents
-each by its own law; and last one on a mirror that is tilted."""
+"""One dent by each law, the same from another start, a ball's, two dents by one law, dents by laws of their
+own, and one on a mirror that is tilted."""
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -79,34 +80,35 @@ def posterior(
         best = first if turn == 0 or members[first, UNLIKELY] < members[best, UNLIKELY] else best
         if best == first:
             alone[:] = one
-        for k, law in ((1, known.body.most_law), (2, 0.0), (3, LAYER), (4, POINT), (5, BALL)):
+        for k, law in ((1, known.body.most_law), (2, 0.0), (3, LAYER), (4, POINT)):
             if k == 4 and law == known.body.most_law:
                 continue
             if turn == 0 and (members[k, WRONG] < SURE or not possible(members[0], one[LAW], law)):
                 continue
-            same = with_law(alone if members[best, WRONG] < _UNFIT else one, law)
-            least, of_law = members[best, UNLIKELY], members[first + k : first + k + 1]
-            if law == BALL:
-                of_law = members[first + k : first + _LAWS]
-                same = _fit_ball(same, nodes, quiet, known, limits, least, of_law)
-            else:
-                fit(same, SET_LAWS, PASSES, nodes, quiet, known, limits, least, of_law[0])
-            if of_law[:, UNLIKELY].min() < least:
-                best, alone[:] = first + k + int(np.argmin(of_law[:, UNLIKELY])), same
+            same, member = with_law(alone if members[best, WRONG] < _UNFIT else one, law), members[first + k]
+            fit(same, SET_LAWS, PASSES, nodes, quiet, known, limits, members[best, UNLIKELY], member)
+            if member[UNLIKELY] < members[best, UNLIKELY]:
+                best, alone[:] = first + k, same
         if members[best, WRONG] < _UNFIT:
             break
         one[:] = best_one(all_slopes(nodes, quiet, known, limits, diagonal_mm))[1]
+    found = alone
+    if possible(members[0], one[LAW], BALL):
+        least = members[best, UNLIKELY]
+        ball = _fit_ball(alone, nodes, quiet, known, limits, least, members[_BALL:_TWO])
+        best = int(np.argmin(members[:, UNLIKELY]))
+        found = ball if best >= _BALL else alone
     if members[best, EXCESS] > EXPLAINED:
         two = fit_two(alone, nodes, quiet, known, limits, diagonal_mm, members[best], members[_TWO:_OWN])
         best = int(np.argmin(members[:, UNLIKELY]))
         if (best >= _TWO or members[best, EXCESS] > EXPLAINED) and members[best, WRONG] > _UNLIKE:
             two = fit_own(alone, two, nodes, quiet, known, limits, diagonal_mm, members[_OWN:-1])
         best = int(np.argmin(members[:, UNLIKELY]))
-        alone = two if best >= _TWO else alone
+        found = two if best >= _TWO else found
     _fit_tilted(start, nodes, quiet, known, limits, members[:, UNLIKELY].min(), members[-1])
     mean, sigma = _together(members, known.rest_mm, _RANGES * range_mm)
     wrong2 = max(members[best, WRONG] ** 2, LEAST_WRONG2)
-    left = equations(alone, SET_LAWS, nodes, quiet, known, wrong2, np.ones((2, len(nodes.x))))
+    left = equations(found, SET_LAWS, nodes, quiet, known, wrong2, np.ones((2, len(nodes.x))))
     shared = 2.0 * known.weight.sum() / pieces(members[best, NOISE])
     deeper, open_mm = further_far_field(left.left, left.variance, shared, nodes, quiet, known)
     return mean - deeper, np.hypot(sigma, open_mm)

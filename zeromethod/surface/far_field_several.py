@@ -46,9 +46,8 @@ it is not."""
 _MOST = 4
 """Dents at most."""
 
-OF_TWO, OF_OWN_LAWS = 4, 11
-"""Members: two dents with one law, and those with their own, of two, with four tries of other kinds of law,
-and two more for each further dent."""
+OF_TWO, OF_OWN_LAWS = 4, 3 * _MOST - 1
+"""Members: two dents with one law; two to most with their own, and two other kinds of law of each."""
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -158,22 +157,21 @@ def fit_own(
         fit(dents, OWN_LAWS, SHORT, nodes, quiet, known, limits, np.inf, start[0])
         fit(beside, OWN_LAWS, SHORT, nodes, quiet, known, limits, np.inf, start[1])
         dents = beside if start[1, UNLIKELY] < start[0, UNLIKELY] else dents
-    before, likeliest, new, k = np.inf, dents, 0, 0
-    for count in range(2, _MOST + 1):
+    before, likeliest = np.inf, dents
+    for k in range(_MOST - 1):
         fit(dents, OWN_LAWS, PASSES, nodes, quiet, known, limits, np.inf, members[k])
-        k += 1
-        for dent in range(new, count):
-            least = members[:k, UNLIKELY].min()
-            tried, dents = _other_laws(dents, dent, nodes, quiet, known, limits, least, members[k:])
-            k += tried
-        new, best = count, int(np.argmin(members[:k, UNLIKELY]))
-        likeliest = dents if members[best, UNLIKELY] < before else likeliest
-        if members[best, EXCESS] < EXPLAINED or members[best, UNLIKELY] > before - _WORTH:
+        likeliest = dents if members[k, UNLIKELY] < before else likeliest
+        if members[k, EXCESS] < EXPLAINED or members[k, UNLIKELY] > before - _WORTH:
             break
-        before, wrong2 = members[best, UNLIKELY], max(members[best, WRONG] ** 2, LEAST_WRONG2)
+        before, wrong2 = members[k, UNLIKELY], max(members[k, WRONG] ** 2, LEAST_WRONG2)
         worth, dents = _further(dents, wrong2, nodes, quiet, known, limits, diagonal_mm)
         if worth < _WORTH:
             break
+    used = _MOST - 1
+    for dent in range(len(likeliest) // NUMBERS):
+        least = members[:used, UNLIKELY].min()
+        tried, likeliest = _other_laws(likeliest, dent, nodes, quiet, known, limits, least, members[used:])
+        used += tried
     return likeliest
 
 
