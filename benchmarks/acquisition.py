@@ -2,7 +2,7 @@
 
 Random presses as hands make them on the packaged bench with four times larger pixels, there from the first
 frame or from one to the next; the same under a knock, which throws the whole mirror by periods of the carrier
-for some frames; and, at full size, mirrors displaced as a whole by up to four periods, where phase alone
+for some frames; and, at full size, mirrors displaced as a whole by 0.8 to 8.5 periods, where phase alone
 cannot distinguish one period from another. Sixty frames, one second, each.
 
 A run has acquired when it is nulled and stays so; one that cannot be nulled must not be called good. Orders
@@ -55,7 +55,7 @@ COVER_MM, COVER_DEPTH_MM = (20.0, 30.0), 0.05
 """Radii of flat faces, and how deep they are pressed."""
 SEED = 16
 FAR_MM, WIDE_MM, MOST_MM = 90.0, 100.0, 3.5
-"""A dent that displaces the whole view: beside its middle, sigma, depth for four periods."""
+"""A dent that displaces the whole view: beside its middle, sigma, depth for four periods on one side."""
 
 
 @dataclass(frozen=True)

@@ -114,5 +114,10 @@ void main() {
     }
     sum *= part * part;
 #endif
+#if LAMP
+    // the lamp's light came the same way, as dense as the mirror focuses it
+    float seen_px2 = abs(foot.x * foot.w - foot.y * foot.z);
+    sum *= ray.z * min(LAMP_PX2 / max(seen_px2, 1e-6), MOST_FOCUS);
+#endif
     light = scale * ray.z * sum;
 }

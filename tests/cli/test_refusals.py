@@ -67,6 +67,7 @@ REFUSALS = [
     ("run --gain 2", "--gain: 2: a number above 0, at most 1"),
     ("run --frames 0", "--frames: 0: a whole number from 1"),
     ("run --frames 3 --seconds 1", "--frames and --seconds: give one of them, not both"),
+    ("run --rig lit.toml", 'light.source: "lamp": only with control.controller "passive": a lamp lights a'),
     ("run --passive --gain 0.5", "--passive and --gain: give one of them: a passive run has no loop"),
     ("run --passive --fine", "--passive and --fine: give one of them: a passive run has no loop"),
     ("design --pattern print.jpg", "--pattern: print.jpg: the file name must end in .png"),
@@ -322,6 +323,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     save_values(small, {"camera.driver": "opencv", "camera.source": 0}, folder / "opencv.toml")
     text = small.read_text()
     (folder / "jelly.toml").write_text(text.replace('support = "free"', 'support = "jelly"'))
+    (folder / "lit.toml").write_text(text + '\n[light]\nsource = "lamp"\n')
     grey = np.random.default_rng(0).integers(0, 256, (120, 140), dtype=np.uint8)
     for name, image in (("rest", grey), ("small", grey[:60, :60])):
         cv2.imwrite(str(folder / f"{name}.png"), image)

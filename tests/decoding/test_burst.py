@@ -79,6 +79,21 @@ def test_without_fringes_nothing_is_read() -> None:
     assert not known[31:59, 41:69].any()
 
 
+def test_a_pixel_that_sees_past_the_lcds_pixels_is_not_read_and_a_shadow_is() -> None:
+    """With half of its light gone a pixel sees beside its middle; a smooth shadow moves nothing."""
+    rest, q = dent(100.0, 16.0)
+    gaps = np.zeros(U.shape, bool)
+    gaps[30:90:7, 40:120:5] = True
+    q[gaps] += 1.5
+    light = np.where(gaps, 0.5, 1.0) * (1 - 0.5 * U / U.max())
+    seen = (BLACK + light * (pictures(q) - BLACK)).astype(np.float32)
+    places, known = pixel_places(seen, BLACK, rest, RIM)
+    # the next ones stay: phase noise of 2 grey levels in 45 is 0.1 LCD px a pixel
+    assert not known[gaps].any()
+    assert known[~gaps].mean() > 0.99
+    assert np.abs(places - q).max(axis=-1)[known].max() < 0.5
+
+
 def test_nodes_are_as_good_as_they_say() -> None:
     thought, q = dent(300.0, 24.0)
     nodes = [(j, i) for j in range(12, 110, 8) for i in range(12, 150, 8)]

@@ -19,6 +19,8 @@ def test_one_line_per_step_empty_where_nothing_was_read(planted, recording, tmp_
         "x_mm",
         "y_mm",
         *sigmas,
+        "total_force_n",
+        "sigma_total_force_n",
         "state",
         "where",
         "damaged",
@@ -27,5 +29,6 @@ def test_one_line_per_step_empty_where_nothing_was_read(planted, recording, tmp_
     assert [float(line["time_s"]) for line in lines] == pytest.approx(planted.time_s)
     # Numbers come back as they were, to the last bit.
     assert [float(line["depth_mm"]) for line in lines[1:]] == planted.depth_mm[1:].tolist()
+    assert {line["total_force_n"] for line in lines} == {""}  # nothing touches
     assert [line["where"] for line in lines] == ["", *["measured"] * 8]
     assert {(line["x_mm"], line["y_mm"], line["state"]) for line in lines[1:]} == {("42.0", "3.0", "locked")}

@@ -14,6 +14,7 @@ from zeromethod.loop.measured_warp import Known
 from zeromethod.loop.order_check import ENLARGED, LONGEST_S, STEADY_FRAMES, SUDDEN_FRAMES, Order, OrderCheck
 from zeromethod.loop.state import State
 from zeromethod.sensing.residual import Residual
+from zeromethod.warp.validity import Flag
 from zeromethod.warp.warp import Role, Warp
 
 REST = rest_warp()
@@ -46,8 +47,11 @@ class View:
             )
         return carriers + SIGMA_PX * self.draw.standard_normal(d.shape)
 
-    def look(self, d: np.ndarray, every_ns: int = FRAME_NS) -> Known | None:
-        """One frame of what the check wants to be shown: the target at rest, or enlarged."""
+    def look(self, d: np.ndarray, every_ns: int = FRAME_NS, flags: np.ndarray | None = None) -> Known | None:
+        """One frame of what the check wants to be shown: the target at rest, or enlarged.
+
+        flags: (rows, cols) that nodes carry besides; those without a carrier have no contrast.
+        """
         self.asked.append(self.check.commanded)
         shown = self.asked.pop(0)
         larger = shown is not None and not np.array_equal(shown, REST.q)
@@ -55,8 +59,11 @@ class View:
         true, expected = ((1 + ENLARGED) * (away + one) - away if larger else one for one in (d, self.last))
         self.last = d
         residual = Residual.empty(REST.grid)
-        residual.d[:], residual.sigma[:] = self.wrapped(true), SIGMA_PX
+        residual.d[:], residual.sigma[:], residual.modulation[:] = self.wrapped(true), SIGMA_PX, 1.0
         residual.flags[:] = np.where(REST.visible, 0, residual.flags)
+        if flags is not None:
+            residual.flags[:] |= flags.astype(np.uint16)
+            residual.modulation[flags & Flag.MODULATION > 0] = 0.0
         self.frames += 1
         warp = Warp.drawn(REST.q if shown is None else shown, Role.SHOWN, self.frames * every_ns)
         frame = Frame(np.zeros((1, 1), np.uint8), warp.time_ns, 8_000_000, self.frames)
@@ -133,6 +140,33 @@ def test_a_press_that_leaves_a_tenth_of_the_view_still_is_not_doubted_and_motion
         assert view.order() is Order.KNOWN
     doubted = [view.look(press + 0.5 * k) or view.order() is Order.DOUBTED for k in range(1, 12)]
     assert doubted == [True] * SUDDEN_FRAMES + [False] * (11 - SUDDEN_FRAMES)
+
+
+def test_a_side_that_looks_past_what_is_drawn_is_doubted_though_the_rest_seems_bent_by_a_press():
+    """Seven periods: phase shows what the rest of them differs by, which is nothing in a part of the view.
+
+    A side that goes dark, as where something presses, says nothing, nor does half a side.
+    """
+    bent = np.stack([2 * (U - U.min()) ** 2 / np.ptp(U) ** 2, 0 * U], axis=-1)
+    d, side = 7 * PERIOD_PX * np.array([1.0, 0.0]) + bent, np.zeros(U.shape, np.uint16)
+    side[:, -14:] = Flag.MODULATION
+    half, dark = np.where(MIDDLE[1] < V, side, 0), np.where(side > 0, side | Flag.LIGHT_LOST, 0)
+    for flags, doubted in ((side, True), (half, False), (dark, False)):
+        view = View()
+        for _ in range(3):
+            view.look(plane(0.0, 0.0, 0.0))
+        view.look(d, flags=flags)
+        assert (view.order() is Order.DOUBTED) is doubted
+        if doubted:
+            found = view.look(d, flags=flags)
+            away = np.stack([U, V], axis=-1) - MIDDLE
+            true = (1 + ENLARGED) * (away + d) - away
+            np.testing.assert_allclose(
+                found.residual_px[found.trusted], true[found.trusted], atol=8 * SIGMA_PX
+            )
+            # once found it is not doubted again while that side stays as it is
+            assert view.look(d, flags=flags) is None
+            assert view.order() is Order.KNOWN
 
 
 def test_order_is_doubted_after_a_gap_without_frames():

@@ -265,3 +265,35 @@ def test_closes_twice_and_leaves_the_callers_context_alive(context):
     own.ray_map(REST)
     own.close()
     own.close()
+
+
+def test_a_lamps_light_is_reflected_twice_and_focused_by_the_mirror(gl_context):
+    """Of a white print: R^2 times what a pixel sees of it at rest over what it sees now."""
+    rig = _sharp(
+        display={"fill_factor": (1.0, 1.0), "polarisation_deg": None},
+        prism={"index": 1.38},
+        control={"controller": "passive"},
+        light={"source": "lamp"},
+    )
+    shape = rig.display.rows, rig.display.columns
+    dry = Mirror((Dent(Shape.GAUSSIAN, 38.0, 1.0, 0.1, 5.0),))
+    light, expected = _both(gl_context, rig, np.full(shape, 255, np.uint8), dry)
+    optics = Optics(rig)
+    v, u = np.mgrid[0 : rig.camera.rows, 0 : rig.camera.columns].astype(float)
+    areas, reflectance = [], np.ones(0)
+    for surface in (optics.rest, Dented(optics.rest, dry)):
+        traced = optics.trace(u, v, surface)
+        by_v, by_u = np.gradient(traced.q, axis=(0, 1))
+        areas.append(np.abs(by_u[..., 0] * by_v[..., 1] - by_u[..., 1] * by_v[..., 0]))
+        reflectance = traced.reflectance
+    truth = reflectance**2 * np.nanmedian(areas[0]) / areas[1]
+    q = traced.q
+    inside = (q > 5).all(axis=-1) & (q[..., 0] < rig.display.columns - 6) & (q[..., 1] < rig.display.rows - 6)
+    # total reflection ends at an edge that a pixel's differences straddle
+    inside &= (truth < 3.0) & (reflectance > 0.05) & (np.hypot(*np.gradient(reflectance)) < 0.02)
+    assert inside.mean() > 0.3
+    assert truth[inside].max() > 1.15
+    assert truth[inside].min() < 0.7
+    # the shaders' rays are float32: areas of 3.4 x 3.4 LCD px to a part in a thousand
+    assert np.abs(light - truth)[inside].max() < 0.02
+    assert np.abs(expected - truth)[inside].max() < 0.005

@@ -89,3 +89,16 @@ def test_a_digit_takes_about_a_cycle_at_every_size(shape, mask):
     across, down = edges(island)
     found = LatticeSolution.of(across, down).solve(product(across, down, depth), most_cycles=9)
     assert np.ptp((found - depth)[island]) < 1e-8 * np.ptp(depth)
+
+
+def test_islands_that_rounding_alone_ties_together_are_solved_in_any_unit():
+    """A coarse node without edges keeps 1e-17 of the others', whose inverse single precision cannot hold."""
+    generator = np.random.default_rng(7)
+    whole = np.ones((17, 17), bool)
+    islands = generator.random(whole.shape) < 0.6
+    across, down = (1e-22 * one for one in edges(islands, generator, 1.0))
+    depth = generator.standard_normal(whole.shape)
+    force = product(across, down, depth)
+    found = LatticeSolution.of(across, down).solve(force)
+    # as in the other tests: a share of 1e-11 in energy
+    np.testing.assert_allclose(product(across, down, found), force, atol=1e-8 * np.abs(force).max())

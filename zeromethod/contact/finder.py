@@ -205,9 +205,9 @@ def _outline(region: Region) -> Outline:
 
 
 def _blur_px(rig: Rig) -> float:
-    """Standard deviation of a border's blur by pixel, lens and pupil; without a pupil given, by some lens."""
+    """Standard deviation of a border's blur by pixel and pupil; where no pupil is given, by some lens."""
     pupil = _LENS_PX
     if rig.camera.pupil_mm > 0:
         # of a disc, its radius in the middle of the view
         pupil = float(np.sqrt(np.abs(np.linalg.det(footprint_terms(rig)[0])))) / 2
-    return float(np.sqrt(pupil**2 + rig.camera.psf_px**2 + 1 / 12))
+    return float(np.hypot(pupil, np.sqrt(1 / 12)))

@@ -71,10 +71,12 @@ def _standing(forces: Float, unit: Float, inverse: Float) -> Float:
                 share[k, a] = 0.0
                 for p in range(count):
                     share[k, a] += value[p] * inverse[p, a]
+        own = forces[c]
         for b in range(count):
             for a in range(count):
+                part, point = share[1, b] * share[0, a], out[b * count + a]
                 for s in range(SHAPES):
-                    out[b * count + a, s] += share[1, b] * share[0, a] * forces[c, s]
+                    point[s] += part * own[s]
     return out
 
 

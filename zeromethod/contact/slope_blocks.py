@@ -80,7 +80,7 @@ def _usable(surface: Surface) -> Mask:
     return np.asarray(surface.valid & (cv2.erode(whole, _AROUND) > 0))
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _summed(
     slope: Float,
     sigma: Float,

@@ -4,7 +4,8 @@ Every pixel is read for itself: where the mirror folds, several pixels see one p
 given its own. The phase of a period says its place up to whole periods; the order is the one for which both
 periods agree, within `REACH_LCD_PX` of where the pixel is thought to look. It is checked by what lies around:
 a mirror that bends does not tear, so pixels count in patches without steps, and a patch counts that reaches
-out to where it is known where pixels look, and agrees.
+out to where it is known where pixels look, and agrees. Of these a pixel that is much darker than those around
+sees the gap between pixels of the LCD, and with the rest of its footprint it sees beside its middle.
 """
 
 from __future__ import annotations
@@ -42,6 +43,10 @@ RADIUS_PX, CORE_PX = 4, 3
 LEAST_SHARE = 0.6
 """Of these, share that must have been read."""
 
+EVEN_SHARE, EVEN_PX = 0.75, 7
+"""Light over the mean of so many pixels along and across from which a pixel sees with all of its footprint:
+where a fold squeezes that to a line, one with half the light is off by up to 1.5 LCD px."""
+
 STAIR_LCD_PX, LEAST_SIGMA_LCD_PX = 0.29, 0.01
 """Rms by which fringes in whole LCD px are off their place, which a window over several of them averages out,
 and what the panel's 8 bits leave."""
@@ -76,7 +81,8 @@ def pixel_places(pictures: Single, black_grey: float, thought: Float, sure: Mask
         )
         places[..., axis], agree = _both(one, other, thought[..., axis])
         known &= agree
-    return places, _joined(places, known, np.abs(places - thought).max(axis=-1), sure)
+    joined = _joined(places, known, np.abs(places - thought).max(axis=-1), sure)
+    return places, joined & _evenly_lit(light.mean(axis=(0, 1)), joined)
 
 
 def moves(pictures: Single, black_grey: float) -> Mask:
@@ -107,6 +113,13 @@ def _joined(places: Float, known: Mask, away: Float, sure: Mask) -> Mask:
     joined[0] = False
     out: Mask = joined[labels]
     return out
+
+
+def _evenly_lit(light: Single, known: Mask) -> Mask:
+    """Pixels (rows, cols) hardly darker than those known around them."""
+    window, share = (EVEN_PX, EVEN_PX), known.astype(np.float32)
+    around = cv2.blur(light * share, window)
+    return np.asarray(light * cv2.blur(share, window) >= EVEN_SHARE * around)
 
 
 def _both(one: Float, other: Float, thought: Float) -> tuple[Float, Mask]:

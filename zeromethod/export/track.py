@@ -16,9 +16,9 @@ from zeromethod.recording.recording import Recording
 
 COLUMNS = (
     *("time_s", "depth_mm", "depth_sigma_mm", "x_mm", "y_mm", "x_sigma_mm", "y_sigma_mm"),
-    *("state", "where", "damaged"),
+    *("total_force_n", "sigma_total_force_n", "state", "where", "damaged"),
 )
-
+_NUMBERS = COLUMNS[1:-3]
 
 FINE_COLUMNS = ("time_s", "depth_mm", "depth_sigma_mm", "x_mm", "y_mm", "frames", "valid_share", "state")
 
@@ -45,7 +45,7 @@ def export_track(
         lines.writerow(COLUMNS)
         for step, time_s, state in zip(selected.steps, selected.time_s, selected.states, strict=True):
             row = None if int(step) in damaged else peaks.get(int(step))
-            values = [math.nan if row is None else float(row[name]) for name in COLUMNS[1:7]]
+            values = [math.nan if row is None else float(row[name]) for name in _NUMBERS]
             # shortest text that gives the same number back
             numbers = [repr(value) if math.isfinite(value) else "" for value in values]
             where = "" if row is None else str(row["where"])

@@ -281,8 +281,10 @@ class Circle:
         light = None if self._expected_light is None else self._expected_light.share(lit_q)
         target = None if observation.target is None else observation.target.node_rad
         image = observation.frame.image
-        residual = self._sensor.measure(image, guess, light_share=light, target_rad=target)
-        return self._lost_light.opened(unmixed(residual, observation, self.rest.grid))
+        seen = self._sensor.measure(image, guess, light_share=light, target_rad=target)
+        residual = unmixed(seen, observation, self.rest.grid)
+        self._lost_light.open(residual)
+        return residual
 
     def _command(self, residual: Residual, measured: Warp, frozen: bool) -> Event | None:
         """Let the controller have the measurement; why the command must not change."""

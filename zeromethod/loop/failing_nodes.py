@@ -144,13 +144,13 @@ class FailingNodes:
 @numba.njit(cache=True)
 def _cannot(flags: Flags, visible: Mask, never: Mask, out: Mask) -> bool:
     """Nodes that cannot be nulled, of those that are visible and not never to be, in `out`; whether any."""
-    cannot, for_now, none, count = np.uint16(_CANNOT), np.uint16(_FOR_NOW), np.uint16(0), 0
+    cannot, for_now, none, found = np.uint16(_CANNOT), np.uint16(_FOR_NOW), np.uint16(0), False
     for j in range(flags.shape[0]):
         for i in range(flags.shape[1]):
             fails = (flags[j, i] & cannot != none) & (flags[j, i] & for_now == none)
             out[j, i] = fails & visible[j, i] & (not never[j, i])
-            count += out[j, i]
-    return count > 0
+            found |= out[j, i]
+    return found
 
 
 def _around(nodes: Mask) -> tuple[slice, slice]:

@@ -75,10 +75,10 @@ def _near_dark(flags: Flags, near: Bytes) -> bool:
     found = False
     near[:] = 0
     for j in range(rows):
-        dark = 0
+        dark = False
         for i in range(cols):
-            dark += flags[j, i] & both == lost
-        if dark == 0:
+            dark |= flags[j, i] & both == lost
+        if not dark:
             continue
         found = True
         for i in range(cols):

@@ -44,16 +44,15 @@ MEMORY = 0.05
 """Share of every good frame in the usual light."""
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, fastmath={"contract", "reassoc"})
 def mean_of(values: Single, chosen: Mask) -> float:
     """Mean of the chosen values, (rows, cols) both."""
     total = 0.0
     count = 0
     for j in range(chosen.shape[0]):
         for i in range(chosen.shape[1]):
-            if chosen[j, i]:
-                total += values[j, i]
-                count += 1
+            total += float(values[j, i]) if chosen[j, i] else 0.0
+            count += chosen[j, i]
     return total / max(count, 1)
 
 

@@ -12,7 +12,7 @@ of nodes to both sides whose windows do not share the contact.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from typing import Any
 
 import numba
 import numpy as np
@@ -41,6 +41,7 @@ class LostLight:
         self._frames = 0
         self._rest = np.zeros(shape, np.float32)
         self._light = np.zeros([n + 2 * _BEYOND for n in shape], np.float32)
+        self._lack = np.zeros((shape[0], shape[1] + 2 * _BEYOND), np.float32)
 
     def learn(self, residual: Residual) -> None:
         """Take in the light of a residual at rest; 0 where a node was not measured."""
@@ -50,13 +51,13 @@ class LostLight:
             known = residual.valid & ((self._rest > 0) | (self._frames == 1))
             self._rest = np.where(known, self._rest + (light - self._rest) / self._frames, np.float32(0))
 
-    def opened(self, residual: Residual) -> Residual:
-        """The residual with that in its sigma."""
-        sigma = residual.sigma.copy()
+    def open(self, residual: Residual) -> None:
+        """Add that to the sigma of a residual, in place: a copy would cost as much as all of this."""
         seen = residual.mean, residual.modulation, residual.flags
         nothing = NOISES2 * (1.0 + 1.0 / max(self._frames, 1))
-        _open(*seen, self._rest, self._black, self._px_per_rad, nothing, self._light, sigma)
-        return replace(residual, sigma=sigma)
+        _open(
+            *seen, self._rest, self._black, self._px_per_rad, nothing, self._light, self._lack, residual.sigma
+        )
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -70,36 +71,52 @@ def _over_rest(mean: Single, flags: Flags, rest: Single, black: float, out: Sing
             to[i] = (mean[j, i] - dark) / rest[j, i] if known else none
 
 
-@numba.njit(cache=True)
-def _lacking(before2: Single, before: Single, now: Single, after: Single, after2: Single, out: Float) -> None:
-    """Light over that at rest that nodes lack (0, n), by nodes to both sides, and its variance over one's.
+@numba.njit(cache=True, error_model="numpy", inline="always")
+def _straight_on(before2: Any, before: Any, after: Any, after2: Any, zero: Any, half: Any, two: Any) -> Any:
+    """Light between two nodes, or two on one side, on a straight line; 0 where they are not known."""
+    near, further = before + after, after2 if after > zero else before2
+    onward = two * near - further if (near > zero) & (further > zero) else zero
+    return half * near if (before > zero) & (after > zero) else onward
 
-    That of one and of those on a straight line between two, or through two on one side; 0 where they are not
-    known. Arguments: of the nodes there, (n,) each, 0 where not known; lines, for the compiler to vectorise.
+
+@numba.njit(cache=True)
+def _lacks(light: Single, way: int, out: Single) -> None:
+    """Light over that at rest that nodes lack by those `way` to both sides, in `out` if more than is there.
+
+    light, out: flat, `_BEYOND` rows and columns more on each side of `light`, columns alone of `out`.
     """
-    lack, variance = out[0], out[1]
-    for i in range(lack.size):
-        b, a = float(before[i]), float(after[i])
-        both, near, further = (b > 0.0) & (a > 0.0), b + a, after2[i] if a > 0.0 else before2[i]
-        onward = 2.0 * near - further if (near > 0.0) & (further > 0.0) else 0.0
-        lack[i] = max((0.5 * near if both else onward) - now[i], 0.0)
-        variance[i] = 1.5 if both else 6.0
+    zero, half, two, count = np.float32(0), np.float32(0.5), np.float32(2), out.size
+    first = (light.size - count) // 2
+    now, before2, after2 = light[first:], light[first - 2 * way :], light[first + 2 * way :]
+    before, after = light[first - way :], light[first + way :]
+    for i in range(count):
+        straight = _straight_on(before2[i], before[i], after[i], after2[i], zero, half, two)
+        out[i] = max(straight - now[i], out[i])
 
 
 @numba.njit(cache=True)
-def _noise2(modulation: Single, sigma: Float, cut2: float, out: Float) -> None:
-    """Variance of the light of nodes (n,), so many times: of the carrier with less noise."""
-    for i in range(out.size):
-        out[i] = cut2 * min(modulation[i, 0] * sigma[i, 0], modulation[i, 1] * sigma[i, 1]) ** 2
+def _suspects(lack: Single, rest: Single, modulation: Single, sigma: Float, cut: float, out: Mask) -> None:
+    """Nodes (n,) that lack `cut` times the noise of their light: of the carrier with less of it.
+
+    modulation, sigma: (2 n,) of both carriers in turn, as lines for the compiler to vectorise.
+    """
+    times = np.float32(cut)
+    for i in range(rest.size):
+        first = modulation[2 * i] * np.float32(sigma[2 * i])
+        second = modulation[2 * i + 1] * np.float32(sigma[2 * i + 1])
+        out[i] = lack[i] * rest[i] > times * min(first, second)
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _suspects(now: Single, rest: Single, down: Float, across: Float, noise2: Float, out: Mask) -> None:
-    """Nodes (n,) that lack more light than noise takes. down, across: as `_lacking` has them."""
-    lack_down, noise_down, lack_across, noise_across = down[0], down[1], across[0], across[1]
-    for i in range(out.size):
-        lack2 = max(lack_down[i] ** 2 / noise_down[i], lack_across[i] ** 2 / noise_across[i])
-        out[i] = (now[i] > 0.0) & (rest[i] * rest[i] * lack2 > noise2[i])
+def _by(light: Single, j: int, i: int, down: int, across: int) -> tuple[float, float]:
+    """Light that a node lacks, 0 for none, by those on both sides; variance of the difference over its own.
+
+    That of one and of those on a straight line between two, or through two on one side.
+    """
+    before, after = light[j - down, i - across], light[j + down, i + across]
+    before2, after2 = light[j - 2 * down, i - 2 * across], light[j + 2 * down, i + 2 * across]
+    straight = _straight_on(before2, before, after, after2, 0.0, 0.5, 2.0)
+    return max(straight - light[j, i], 0.0), 1.5 if (before > 0.0) & (after > 0.0) else 6.0
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -112,32 +129,40 @@ def _open(
     px_per_rad: float,
     nothing: float,
     light: Single,
+    lack: Single,
     sigma: Float,
 ) -> None:
     """Add to sigma (rows, cols, 2), px, what lost light may do, beyond `nothing` variances of noise.
 
-    The noise of a node's light would by itself move its phase, by that rule, by one sigma. light: work space.
+    The noise of a node's light would by itself move its phase, by that rule, by one sigma. light, lack: work
+    space. Single precision finds the few nodes that may lack light; they are worked out in double.
     """
     _over_rest(mean, flags, rest, black, light)
     rows, cols = mean.shape
-    down, across = np.empty((2, cols)), np.empty((2, cols))
-    noise2, suspects = np.empty(cols), np.empty(cols, np.bool_)
     by, at = APART_NODES, _BEYOND
-    cut2 = 0.499 * nothing / px_per_rad**2  # but for rounding what is added below
+    lack[:] = 0.0
+    flat_light, flat_lack = light.reshape(light.size), lack.reshape(lack.size)
+    _lacks(flat_light, by * light.shape[1], flat_lack)
+    _lacks(flat_light, by, flat_lack)
+    suspects = np.zeros(8 * ((cols + 7) // 8), np.bool_)
+    eights = suspects.view(np.uint64)
+    cut = 0.99 * math.sqrt(0.75 * nothing) / px_per_rad  # but for rounding what is added below, or less
     for j in range(by, rows - by):
-        row, above, below = light[at + j], light[at + j - by], light[at + j + by]
-        now = row[at:]
-        _lacking(light[j, at:], above[at:], now, below[at:], light[j + 2 * at, at:], down)
-        _lacking(row, row[at - by :], now, row[at + by :], row[2 * at :], across)
-        _noise2(modulation[j], sigma[j], cut2, noise2)
-        _suspects(now, rest[j], down, across, noise2, suspects)
-        for i in range(by, cols - by):
-            if not suspects[i]:
+        both, errors = modulation[j].reshape(2 * cols), sigma[j].reshape(2 * cols)
+        _suspects(lack[j, at:], rest[j], both, errors, cut, suspects)
+        for eight in range(eights.size):
+            if eights[eight] == 0:
                 continue
-            for k in range(2):
-                own2 = sigma[j, i, k] ** 2
-                per_light2 = 2.0 * (px_per_rad * rest[j, i] / modulation[j, i, k]) ** 2
-                by_down = per_light2 * down[0, i] ** 2 - nothing * down[1, i] * own2
-                by_across = per_light2 * across[0, i] ** 2 - nothing * across[1, i] * own2
-                if by_down > 0.0 or by_across > 0.0:
-                    sigma[j, i, k] = math.sqrt(own2 + max(by_down, by_across))
+            for i in range(max(8 * eight, by), min(8 * eight + 8, cols - by)):
+                now = light[at + j, at + i]
+                if not (suspects[i] and now > 0.0):
+                    continue
+                down, noise_down = _by(light, at + j, at + i, by, 0)
+                across, noise_across = _by(light, at + j, at + i, 0, by)
+                for k in range(2):
+                    own2 = sigma[j, i, k] ** 2
+                    per_light2 = 2.0 * (px_per_rad * rest[j, i] / modulation[j, i, k]) ** 2
+                    by_down = per_light2 * down**2 - nothing * noise_down * own2
+                    by_across = per_light2 * across**2 - nothing * noise_across * own2
+                    if by_down > 0.0 or by_across > 0.0:
+                        sigma[j, i, k] = math.sqrt(own2 + max(by_down, by_across))

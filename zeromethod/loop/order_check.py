@@ -19,13 +19,14 @@ import math
 import numba
 import numpy as np
 
-from zeromethod.arrays import Flags, Float, Mask
+from zeromethod.arrays import Flags, Float, Ints, Mask
 from zeromethod.exposure.pairing import Observation
 from zeromethod.loop.measured_warp import Known, expect
 from zeromethod.sensing.residual import Residual
 from zeromethod.warp.compose import compose
 from zeromethod.warp.continuation import continue_smoothly
 from zeromethod.warp.rest import Rest
+from zeromethod.warp.validity import Flag
 
 ENLARGED = 1 / 32
 """s: half a camera px for each period of 16, some fifty times a node's noise."""
@@ -46,6 +47,11 @@ BENT_SHARE = 0.65
 """How far nodes are from where a picture displaced as a whole would have them, over how far they moved, from
 which a press bent it; medians. A finger in a small view has 0.76, a dent much wider than the view 0.44."""
 
+SIDE_SHARE, BARE_CONTRAST = 0.9, 0.3
+"""Share of the outermost nodes on one side that see light, but so little of the carrier's contrast in the
+view, from which that side looks past what is drawn, as it does from 1.7 periods on. Phase does not show whole
+periods: a view that is displaced by them may look merely bent."""
+
 ALIKE_PX = 0.05
 """How far pictures at rest may differ, LCD px, and what their mixture does, camera px, to count as one."""
 
@@ -62,6 +68,8 @@ the first of them may have seen the one before."""
 
 LONGEST_S = 1.0
 """Time after which an order that could not be found counts as lost."""
+
+_LIGHT_LOST, _SOME = np.uint16(Flag.LIGHT_LOST), 8
 
 _SAME_LCD_PX = 1e-3
 """Difference between warps that are the same; recordings round them."""
@@ -91,6 +99,11 @@ class OrderCheck:
         )
         self._diagonal = diagonal
         self._visible = int(np.count_nonzero(rest.visible))
+        sides = _outermost(rest.visible)
+        self._side_sizes = np.array([len(side) for side in sides])
+        self._side_starts = np.cumsum([0, *self._side_sizes[:-1]])
+        self._sides = np.concatenate(sides)
+        self._past, self._stirred = np.zeros(len(sides), np.bool_), True
         self._started = False
         self._last_ns = 0
         self._steady = 0
@@ -132,16 +145,18 @@ class OrderCheck:
             quiet, jumped = _changes(residual.d, known.residual_px, residual.flags, QUIET_PX, jump_px)
             jumps = jumped > JUMPED_SHARE and quiet < JUMPED_QUIET_SHARE
             moves = self._still and quiet < JUMPED_QUIET_SHARE and self._as_one_piece(residual, known)
+            slides = self._slides(residual, quiet)
             self._still = quiet > STILL_SHARE
-            if quiet > QUIET_SHARE or not (interrupted or jumps or moves):
+            if not slides and (quiet > QUIET_SHARE or not (interrupted or jumps or moves)):
                 return None
             at_rest = expect(observation, self._rest.q, self._rest.visible, self._rest).residual_px
-            if _changes(residual.d, at_rest, residual.flags, QUIET_PX, jump_px)[0] > QUIET_SHARE:
+            quiet = _changes(residual.d, at_rest, residual.flags, QUIET_PX, jump_px)[0]
+            if not slides and quiet > QUIET_SHARE:
                 return None
             # as this frame saw it, which shows what a picture to be kept must
             self._kept, self._since_ns, self._seen = observation.shown.q.copy(), time_ns, None
             self._steady = 0
-            if moves and not (jumps or interrupted):
+            if moves and not (jumps or interrupted or slides):
                 # so that no frame is lost where it is over in the next, which still sees the picture kept
                 self._larger, self._unsure = self._enlarged(self._kept), 1
                 return None
@@ -150,6 +165,22 @@ class OrderCheck:
             self._settle(observation, residual, quiet > STILL_SHARE)
             return None
         return self._compare(observation, residual, known)
+
+    def _slides(self, residual: Residual, quiet: float) -> bool:
+        """Whether a side of the view begins to look past what is drawn; quiet: share of it that is still."""
+        if quiet > STILL_SHARE and not self._stirred:
+            return False
+        self._stirred = quiet <= STILL_SHARE
+        some = residual.modulation[::_SOME, ::_SOME][residual.flags[::_SOME, ::_SOME] == 0]
+        if not len(some):
+            return False
+        at, amplitude = self._sides, residual.modulation.reshape(-1, 2)
+        bare = (amplitude[at] < BARE_CONTRAST * some.mean(axis=0)).all(axis=1)
+        bare &= residual.flags.ravel()[at] & _LIGHT_LOST == 0
+        past = np.add.reduceat(bare, self._side_starts, dtype=np.int64) > SIDE_SHARE * self._side_sizes
+        begins = bool((past & ~self._past).any())
+        self._past = past
+        return begins
 
     def _as_one_piece(self, residual: Residual, known: Known) -> bool:
         """Whether the picture was displaced, turned and stretched more than bent, which a press does."""
@@ -227,6 +258,18 @@ class OrderCheck:
 
     def _from_carriers(self, d: Float) -> Float:
         return 0.5 * self._to_carriers(d) if self._diagonal else d
+
+
+def _outermost(visible: Mask) -> list[Ints]:
+    """Numbers of the outermost nodes on each of the four sides, of those visible (rows, cols)."""
+    numbers = np.arange(visible.size).reshape(visible.shape)
+    rows, cols = visible.any(axis=1), visible.any(axis=0)
+    turned = (visible.T[cols], numbers.T[cols]), (visible[rows], numbers[rows])
+    return [
+        lines[np.arange(len(lines)), seen.argmax(axis=1)]
+        for one, at in turned
+        for seen, lines in ((one, at), (one[:, ::-1], at[:, ::-1]))
+    ]
 
 
 def _alone(observation: Observation, q: Float, within_px: float) -> bool:

@@ -23,6 +23,7 @@ from zeromethod.rig.tables import (
     ControlSpec,
     KnownRest,
     Layer,
+    LightSpec,
     PriorSpec,
     Prism,
     RestSurface,
@@ -43,6 +44,7 @@ __all__ = [
     "GeometrySpec",
     "KnownRest",
     "Layer",
+    "LightSpec",
     "Noise",
     "PriorSpec",
     "Prism",
@@ -73,6 +75,7 @@ class Rig(Table):
     display: DisplaySpec
     camera: CameraSpec
     target: TargetSpec = TargetSpec()
+    light: LightSpec = LightSpec()
     control: ControlSpec = ControlSpec()
     surface: SurfaceSpec = SurfaceSpec()
     geometry: GeometrySpec = GeometrySpec()
@@ -87,6 +90,13 @@ class Rig(Table):
             raise refused(
                 "target.period_px", self.target.period_px, f"at most a quarter of {smaller} camera px"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _lit(self) -> Rig:
+        if self.light.by_mirror and not self.control.passive:
+            rule = 'only with control.controller "passive": a lamp lights a print, which cannot be warped'
+            raise refused("light.source", self.light.source, rule)
         return self
 
     @model_validator(mode="after")

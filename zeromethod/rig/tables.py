@@ -245,6 +245,21 @@ class ControlSpec(Table):
         return self.controller == "passive"
 
 
+class LightSpec(Table):
+    """What lights the pattern.
+
+    source "lcd": its own backlight. "lamp": a lamp at the camera's lens shines on a printed pattern by way of
+    the mirror; its light is reflected twice, and is as dense on the print as the mirror focuses it.
+    """
+
+    source: Literal["lcd", "lamp"] = "lcd"
+
+    @property
+    def by_mirror(self) -> bool:
+        """Whether the light comes to the pattern by way of the mirror."""
+        return self.source == "lamp"
+
+
 class KnownRest(Table):
     """A rectangle of the mirror known to stay at rest (a clamped rim): x and y from, to in mm."""
 

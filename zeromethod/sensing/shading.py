@@ -59,8 +59,8 @@ def _leak(modulation: Single, d: Float, flags: Flags, period: float, r: int, c: 
 
 
 @numba.njit(cache=True, fastmath=FAST)
-def _suspects(above: Single, row: Single, below: Single, inside: float, black: float, out: Mask) -> None:
-    """Nodes of a row with a bend or slope near the limit: a quick test that ignores the leak.
+def _suspects(above: Single, row: Single, below: Single, inside: float, black: float, out: Mask) -> bool:
+    """Nodes of a row with a bend or slope near the limit, by a quick test that ignores the leak; whether any.
 
     inside: 0 where the row has no other on one side, else 1.
     """
@@ -74,6 +74,10 @@ def _suspects(above: Single, row: Single, below: Single, inside: float, black: f
         bend, slope = abs(row[i - 1] - two * row[i] + row[i + 1]), abs(row[i + 1] - row[i - 1])
         light = row[i] - dark
         out[i] |= (bend > bent * light) | (slope > sloping * light)
+    found = False
+    for i in range(row.size):
+        found |= out[i]
+    return found
 
 
 @numba.njit(cache=True)
@@ -110,11 +114,14 @@ def flag_light_edges(
     near: (rows, cols) work space, False in the padding.
     """
     first, last, end = PADDING, flags.shape[0] - PADDING - 1, flags.shape[1] - PADDING
+    rows = np.zeros(flags.shape[0], np.bool_)
     for r in range(first, last + 1):
         above, below = mean[max(r - 1, first), first:end], mean[min(r + 1, last), first:end]
         inside = 1.0 if first < r < last else 0.0
-        _suspects(above, mean[r, first:end], below, inside, black, near[r, first:end])
+        rows[r] = _suspects(above, mean[r, first:end], below, inside, black, near[r, first:end])
     for r in range(first, last + 1):
+        if not (rows[r - 1] or rows[r] or rows[r + 1]):
+            continue
         for c in range(first, end):
             # an edge at the node itself bends its neighbours alone
             around = near[r, c] | near[r - 1, c] | near[r + 1, c] | near[r, c - 1] | near[r, c + 1]

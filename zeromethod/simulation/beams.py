@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +13,9 @@ from zeromethod.optics.prism import Face
 from zeromethod.rig.model import Prism, Rig
 from zeromethod.simulation.press import Mirror
 from zeromethod.simulation.pupil import Pupil
+
+MOST_FOCUS = 4.0
+"""Most that the mirror makes a lamp's light denser: where it would be more the lamp's own size counts."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +43,20 @@ class Beam:
         if spread is not None:
             by_u, by_v = _widened(by_u, by_v, spread)
         return cls(q, by_u, by_v, gain)
+
+    @property
+    def seen_px2(self) -> Float:
+        """(rows, cols) LCD px^2 that a pixel sees, 0 where the mirror focuses all light in a line."""
+        by_u, by_v = self.by_u, self.by_v
+        return np.asarray(np.abs(by_u[..., 0] * by_v[..., 1] - by_u[..., 1] * by_v[..., 0]))
+
+    def lit_by_lamp(self, seen_px2: float) -> Beam:
+        """The same where a lamp at the camera lights the pattern: that light came the same way.
+
+        seen_px2: of a pixel at which the pattern is as bright as an LCD would be.
+        """
+        focused = np.minimum(seen_px2 / np.maximum(self.seen_px2, 1e-6), MOST_FOCUS)
+        return replace(self, gain=self.gain**2 * np.where(self.gain > 0, focused, 0.0))
 
 
 def _difference(q: Float, axis: int) -> Float:
@@ -105,8 +122,11 @@ class Beams:
         self._pitch_mm = rig.display.pitch_mm
         self._view = scattered_view(rig.prism)
         self._pupil = Pupil.of(rig)
-        if self._pupil is not None:
-            self._at_rest = [beam.q for beam in self.all(Mirror())[0]]
+        self._lamp_px2 = 0.0
+        at_rest = self.all(Mirror())[0] if self._pupil is not None or rig.light.by_mirror else []
+        self._at_rest = [beam.q for beam in at_rest]
+        if rig.light.by_mirror:
+            self._lamp_px2 = float(np.median(at_rest[0].seen_px2[at_rest[0].gain > 0]))
 
     def main(self, mirror: Mirror) -> tuple[Float, Float]:
         """(q (rows, cols, 2), gain (rows, cols)) of the main beam, the pupil's mean; NaN where lost."""
@@ -129,12 +149,15 @@ class Beams:
             ways.append((q, self._spec.ghost_faces * gain))
         scattered = self._view * single.scattered if mirror.touches else None
         if self._pupil is None or not mirror.dents:
-            return [Beam.of(q, gain) for q, gain in ways], scattered
+            return self._lit([Beam.of(q, gain) for q, gain in ways]), scattered
         pupil = self._pupil
         beams = [
             Beam.of(*pupil.mean(q, gain, rest)) for (q, gain), rest in zip(ways, self._at_rest, strict=True)
         ]
-        return beams, None if scattered is None else pupil.mean_light(scattered)
+        return self._lit(beams), None if scattered is None else pupil.mean_light(scattered)
+
+    def _lit(self, beams: list[Beam]) -> list[Beam]:
+        return [one.lit_by_lamp(self._lamp_px2) for one in beams] if self._lamp_px2 else beams
 
     def _single(self, mirror: Mirror) -> _Single:
         """The rays through the middle of the pupil."""

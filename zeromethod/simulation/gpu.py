@@ -40,7 +40,8 @@ class GpuRenderer:
         with self.context:
             self._tracer = RayTracer(self.context, rig)
             self._panel = PanelLight(self.context, rig)
-            self._camera = CameraLight(self.context, rig)
+            lamp_px2 = self._tracer.seen_px2() if rig.light.by_mirror else 0.0
+            self._camera = CameraLight(self.context, rig, lamp_px2)
 
     def move(self, rig: Rig) -> None:
         """Have camera and LCD where `rig` has them; compiles the rays' shaders again."""

@@ -11,6 +11,7 @@ from zeromethod.arrays import Float, Single
 from zeromethod.gl import float_texture, program
 from zeromethod.pattern.response import Response
 from zeromethod.rig.model import Rig
+from zeromethod.simulation.beams import MOST_FOCUS
 from zeromethod.simulation.gpu_lens import lens_defines
 from zeromethod.simulation.gpu_rays import RayMap, Region
 from zeromethod.simulation.gpu_target import Pass, RenderTarget
@@ -88,9 +89,12 @@ class CameraLight:
 
     Lens and pixel act in one: the image is blurred before it is sampled. Reflectance is taken at the pixel's
     centre, so that it alone is not blurred: a contact's border is as sharp as a pixel.
+
+    lamp_px2: where a lamp at the camera lights the pattern, what a pixel sees of it where it is as bright as
+    an LCD would be, LCD px^2; 0 for the LCD's own light.
     """
 
-    def __init__(self, context: moderngl.Context, rig: Rig) -> None:
+    def __init__(self, context: moderngl.Context, rig: Rig, lamp_px2: float = 0.0) -> None:
         fill = [max(float(share), 1e-3) for share in rig.display.fill_factor]
         self._ambient = rig.simulation.ambient
         self._sum = RenderTarget(context, (rig.camera.columns, rig.camera.rows), 1)
@@ -98,6 +102,9 @@ class CameraLight:
             "RGB": int(rig.display.stripes == "rgb"),
             "FILL_X": fill[0],
             "FILL_Y": fill[1],
+            "LAMP": int(lamp_px2 > 0.0),
+            "LAMP_PX2": lamp_px2,
+            "MOST_FOCUS": MOST_FOCUS,
             **lens_defines(rig.camera.psf_px),
         }
         light = program(context, "bench_screen.vert", "bench_light.frag", **defines)

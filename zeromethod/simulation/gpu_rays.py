@@ -119,6 +119,12 @@ class RayTracer:
         self._kept[mirror] = kept
         return kept
 
+    def seen_px2(self) -> float:
+        """What a camera pixel sees of the LCD at rest, median, LCD px^2."""
+        ray_map = self.maps(Mirror())[0]
+        arrives, foot = ray_map.rays.read()[..., 3] > 0, ray_map.footprints.read()
+        return float(np.median(np.abs(foot[..., 0] * foot[..., 3] - foot[..., 1] * foot[..., 2])[arrives]))
+
     def release(self) -> None:
         """Free everything."""
         for maps in self._kept.values():

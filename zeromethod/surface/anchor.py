@@ -11,21 +11,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import cv2
 import numpy as np
 
-from zeromethod.arrays import Float, Mask, Single
+from zeromethod.arrays import Float, Ints, Mask, Single
 from zeromethod.rig.model import KnownRest
-from zeromethod.surface.node_passes import diagonal, dot
+from zeromethod.surface.node_passes import diagonal
 from zeromethod.surface.quiet import (
     agreeing,
     mask,
-    noise_of,
     over_noise,
+    quiet_nodes,
     quiet_sums,
-    quiet_weights,
     shortest_interval,
     squared,
 )
@@ -61,13 +60,13 @@ class RestFit:
 
 @dataclass(frozen=True, slots=True)
 class KnownReading:
-    """What was read, (rows, cols): depth and h, noise of depth / h, mm; slope and its variance (..., 2)."""
+    """What was read, (rows, cols): depth, h, variance of depth / h, mm^2; slope, its variance (..., 2)."""
 
     x_mm: Float
     y_mm: Float
     depth_mm: Float
     scale: Float
-    noise_mm: Float
+    noise2: Float
     slope: Float
     variance: Float
 
@@ -99,7 +98,7 @@ def known_misfit(
     share their noise.
     """
     w, x, y = fit.weights, reading.x_mm, reading.y_mm
-    off2 = float((w * ((reading.depth_mm / reading.scale) ** 2 - reading.noise_mm**2))[w > 0.0].sum())
+    off2 = float((w * ((reading.depth_mm / reading.scale) ** 2 - reading.noise2))[w > 0.0].sum())
     nearest, steepest = np.full(x.shape, np.inf), 0.0
     for place in known_rest:
         inside = known_nodes([place], x, y) & (w > 0.0)
@@ -130,19 +129,36 @@ class Border:
         self.correlated, self.shared = len(correlation), shared_nodes(correlation)
         self.nodes = np.count_nonzero(island)
         self.gradients = self.means(gradient, np.ones((*island.shape, 1)))
-        share = np.maximum(self.gradients[..., 2].astype(np.float64), 1.0 / self.block**2)
-        self.averaging = mean_noise_gain(correlation, self.block) ** 2 / share**2
+        per_share2 = 1.0 / np.maximum(self.gradients[..., 2].astype(np.float64), 1.0 / self.block**2) ** 2
+        self.averaging = mean_noise_gain(correlation, self.block) ** 2 * per_share2
+        self.per_share2 = np.asarray(per_share2 * island, np.float32)
 
-    def means(self, one: Float, other: Float) -> Single:
-        """Means (rows, cols, n + m) over blocks of values (rows, cols, n), (..., m) on the island, else 0."""
-        masked = np.empty((*self.island.shape, one.shape[2] + other.shape[2]), np.float32)
-        mask(one, other, self.island, masked)
+    def means(self, vectors: Float, other: Float) -> Single:
+        """Means (rows, cols, 3) over blocks, of vectors (rows, cols, 2) and sums of (rows, cols, n).
+
+        Those are on the island, else 0.
+        """
+        masked = np.empty((*self.island.shape, 3), np.float32)
+        mask(vectors, other, self.island, masked)
         size = self.block, self.block
         return np.asarray(cv2.boxFilter(masked, -1, size, borderType=cv2.BORDER_CONSTANT), np.float32)
 
-    def around(self, values: Float) -> Float:
+    def around(self, values: Single) -> Single:
         """Largest (rows, cols) of a block."""
-        return np.asarray(cv2.dilate(values, np.ones((self.block, self.block), np.uint8)), np.float64)
+        return np.asarray(cv2.dilate(values, np.ones((self.block, self.block), np.uint8)), np.float32)
+
+
+class _Choice(NamedTuple):
+    """Mean depth / h, mm, of nodes with weights (rows, cols); their flat numbers, and the deepest node.
+
+    slope2: (rows, cols) squared slope of the blocks, by which they were chosen.
+    """
+
+    at_mm: float
+    weights: Float
+    nodes: Ints
+    deepest: tuple[int, int]
+    slope2: Single
 
 
 class Quiet:
@@ -165,7 +181,6 @@ class Quiet:
         # a single node has no extent and needs no weight
         self._least2 = (0.25 * diagonal(x_mm, y_mm, border.island)) ** 2 or 1.0
         self._means = border.means(slope, variance)
-        self._noise2 = noise_of(self._means, border.averaging)
 
     def fit(self, contained_mm: float, most: int = MOST_CHOICES) -> tuple[RestFit, float]:
         """Nodes chosen by their slopes less a multiple of the gradient, and their mean of depth / h.
@@ -174,41 +189,39 @@ class Quiet:
         """
         step_mm = off_mm = 0.0
         for k in range(most):
-            weights, *sums = self._choose(contained_mm)
-            at_mm = float(dot(weights, self._constant))
-            before_mm, off_mm = off_mm, at_mm - contained_mm
+            chosen = self._choose(contained_mm)
+            before_mm, off_mm = off_mm, chosen.at_mm - contained_mm
             if abs(off_mm) < _SAME_MM:
                 break
             falls = min(max((before_mm - off_mm) / step_mm, _LEAST_FALL), _MOST_FALL) if k else _USUAL_FALL
             step_mm = off_mm / falls
             contained_mm += step_mm
-        return self._bounded(at_mm, weights, *sums), at_mm
+        return self._bounded(chosen), chosen.at_mm
 
-    def _choose(self, contained_mm: float) -> tuple[Float, Float, Float, Float]:
-        """Weights (rows, cols), way from the deepest node, its square, and the squared slope around."""
+    def _choose(self, contained_mm: float) -> _Choice:
         border = self._border
-        slope2 = squared(self._means, border.gradients, contained_mm, border.block, border.island)
+        slope2 = np.empty(border.island.shape, np.float32)
+        squared(self._means, border.gradients, contained_mm, border.per_share2, slope2)
         # the largest nearby, as a dent's centre is flat too
-        nearby = border.around(slope2)
-        fields = nearby, self._noise2, self._constant, self._scale, *self._place
-        found = quiet_weights(*fields, border.ring, border.island, self._least2)
-        weights, away, lever2, values, heavy = found
-        order = np.argsort(values)
-        agreeing(weights, self._constant, *shortest_interval(values[order], heavy[order], _CORE_SHARE))
-        return weights, away, lever2, slope2
-
-    def _bounded(
-        self, contained_mm: float, weights: Float, away: Float, lever2: Float, slope2: Float
-    ) -> RestFit:
-        """The fit with what depth its nodes may still have, if they have a mean of this."""
-        border, shared = self._border, self._border.shared
-        read = self._slope, border.gradient, contained_mm, self._variance
-        # whether the slopes are more than noise
-        if not over_noise(*read, border.island) > 1.0 + 5.0 * float(np.sqrt(shared / border.nodes)):
-            return RestFit("quiet", weights, 0.0)
-        implied, own, seen, noise, squares = quiet_sums(
-            weights, away, lever2, self._scale, *read, slope2, self._noise2
+        fields = border.around(slope2), self._means, border.averaging, self._constant, self._scale
+        nodes, values, heavy, deepest = quiet_nodes(
+            *fields, *self._place, border.ring, border.island, self._least2
         )
+        weights = np.zeros(border.island.shape)
+        core = shortest_interval(values, heavy, np.argsort(values), _CORE_SHARE)
+        return _Choice(agreeing(nodes, values, heavy, *core, weights), weights, nodes, deepest, slope2)
+
+    def _bounded(self, chosen: _Choice) -> RestFit:
+        """The fit with what depth its nodes may still have."""
+        border, shared = self._border, self._border.shared
+        read = self._slope, border.gradient, chosen.at_mm, self._variance
+        # whether the slopes are more than noise
+        least = 1.0 + 5.0 * float(np.sqrt(shared / border.nodes))
+        if not over_noise(*read, border.island) > 2 * border.nodes * least:
+            return RestFit("quiet", chosen.weights, 0.0)
+        nodes = chosen.nodes, chosen.weights, *self._place, chosen.deepest, self._least2, self._scale
+        around = chosen.slope2, self._means, border.averaging
+        implied, own, seen, noise, squares = quiet_sums(*nodes, *read, *around)
         # Mean depth / h by the slope if depth decays as 1/r around the deepest node: depth A/r has radial
         # slope -depth/r. Only the part above twice its noise counts; a field that decays faster is
         # overestimated.
@@ -217,7 +230,7 @@ class Quiet:
         # A bound without direction, for dents that fill the view, less the part that noise can cause.
         hidden = noise * 3.0 * np.sqrt(2.0 / max(blocks, 1.0))
         unsigned = np.sqrt(max(seen - noise - hidden, 0.0))
-        return RestFit("quiet", weights, float(max(signed, unsigned)), 0.0, float(np.sqrt(hidden)))
+        return RestFit("quiet", chosen.weights, float(max(signed, unsigned)), 0.0, float(np.sqrt(hidden)))
 
 
 def mean_noise_gain(correlation: Float, count: int) -> float:

@@ -65,9 +65,9 @@ class Anchors:
         contained_mm: multiple of h in the depth, to begin with. most: times that quiet nodes are chosen.
         """
         x, y = read.point[..., 0], read.point[..., 1]
-        known = known_nodes(self._known_rest, x, y) & read.island
         ratio = read.depth / self.scale
-        if known.any():
+        known = known_nodes(self._known_rest, x, y) & read.island if self._known_rest else None
+        if known is not None and known.any():
             fit = fit_known(known, self.scale)
             return fit, mean(fit.weights, ratio)
         if self._border is None or not np.array_equal(self._border.island, read.island):

@@ -13,7 +13,7 @@ from typing import Any
 import numba
 import numpy as np
 
-from zeromethod.arrays import Float, Mask
+from zeromethod.arrays import Float, Ints, Mask
 
 DERIVATIVE_POINTS = 7
 INTEGRAL_POINTS = 6
@@ -92,54 +92,82 @@ def _integral_stencil(j: int, start: int, end: int) -> tuple[int, int]:
 
 
 @numba.njit(cache=True)
-def _derivative(x: Any, y: Any, slope_x: Any, slope_y: Any, weights: Any, out: Any) -> None:
-    """Slope times derivative of the point for all nodes of a run but three at either end."""
-    w1, w2, w3 = weights[4], weights[5], weights[6]
-    for j in range(len(out) - 6):
-        dx = w1 * (x[j + 4] - x[j + 2]) + w2 * (x[j + 5] - x[j + 1]) + w3 * (x[j + 6] - x[j])
-        dy = w1 * (y[j + 4] - y[j + 2]) + w2 * (y[j + 5] - y[j + 1]) + w3 * (y[j + 6] - y[j])
-        out[j + 3] = slope_x[j + 3] * dx + slope_y[j + 3] * dy
+def _centred(line: Any, at: int, apart: int, weights: Any, out: Any) -> None:
+    """Derivatives (n,) at places from `at` on, whose neighbours are so far apart in a lattice as one line."""
+    n, w1, w2, w3 = len(out), weights[4], weights[5], weights[6]
+    next1, back1 = line[at + apart : at + apart + n], line[at - apart : at - apart + n]
+    next2, back2 = line[at + 2 * apart : at + 2 * apart + n], line[at - 2 * apart : at - 2 * apart + n]
+    next3, back3 = line[at + 3 * apart : at + 3 * apart + n], line[at - 3 * apart : at - 3 * apart + n]
+    for k in range(n):
+        out[k] = w1 * (next1[k] - back1[k]) + w2 * (next2[k] - back2[k]) + w3 * (next3[k] - back3[k])
 
 
 @numba.njit(cache=True)
-def _integral(line: Any, weights: Any, out: Any) -> None:
-    """Integral over all intervals of a run but two at either end."""
-    w0, w1, w2 = weights[0], weights[1], weights[2]
-    for j in range(len(line) - 5):
-        far, near = line[j] + line[j + 5], line[j + 1] + line[j + 4]
-        out[j + 2] = w0 * far + w1 * near + w2 * (line[j + 2] + line[j + 3])
+def _integral(line: Any, at: int, apart: int, weights: Any, out: Any) -> None:
+    """Integrals (n,) from places from `at` on to the next."""
+    n, w0, w1, w2 = len(out), weights[0], weights[1], weights[2]
+    back2, back1, here = (
+        line[at - 2 * apart : at - 2 * apart + n],
+        line[at - apart : at - apart + n],
+        line[at : at + n],
+    )
+    next1, next2, next3 = (
+        line[at + apart : at + apart + n],
+        line[at + 2 * apart : at + 2 * apart + n],
+        line[at + 3 * apart : at + 3 * apart + n],
+    )
+    for k in range(n):
+        far, near = back2[k] + next3[k], back1[k] + next2[k]
+        out[k] = w0 * far + w1 * near + w2 * (here[k] + next1[k])
 
 
 @numba.njit(cache=True)
-def _along_rows(
-    slope_x: Any, slope_y: Any, x: Any, y: Any, valid: Any, derivative: Any, integral: Any, out: Any
-) -> None:
-    rows, cols = valid.shape
-    line = np.empty(cols)
-    centred = derivative[DERIVATIVE_POINTS, DERIVATIVE_POINTS // 2]
-    middle = integral[INTEGRAL_POINTS, INTEGRAL_POINTS // 2 - 1]
-    for i in range(rows):
-        out[i] = 0.0
-        start, end = _next_run(valid, i, 0)
-        while start < cols:
-            if end - start > 1:
-                run = slice(start, end)
-                _derivative(x[i, run], y[i, run], slope_x[i, run], slope_y[i, run], centred, line[run])
-                for j in range(start, end):
-                    if start + 3 <= j < end - 3:
-                        continue
-                    dx, dy = _derivative_at(x, y, i, j, start, end, derivative)
-                    line[j] = slope_x[i, j] * dx + slope_y[i, j] * dy
-                _integral(line[run], middle, out[i, start : end - 1])
-                for j in range(start, end - 1):
-                    if start + 2 <= j < end - 3:
-                        continue
-                    first, points = _integral_stencil(j, start, end)
-                    total = 0.0
-                    for k in range(points):
-                        total += integral[points, j - first, k] * line[first + k]
-                    out[i, j] = total
-            start, end = _next_run(valid, i, end)
+def _sum_of_products(one: Any, dx: Any, other: Any, dy: Any, out: Any) -> None:
+    for k in range(len(out)):
+        out[k] = one[k] * dx[k] + other[k] * dy[k]
+
+
+@numba.njit(cache=True)
+def _steps(
+    slope_x: Any, slope_y: Any, x: Any, y: Any, valid: Any, axis: int, near: Any, derivative: Any,
+    integral: Any, out: Any,
+) -> None:  # fmt: skip
+    """Steps along columns (axis 0) or rows (1): of the whole lattice as one line, then again those near gaps.
+
+    near: `stencils` of nodes and of steps.
+    """
+    size, apart = x.size, 1 if axis else x.shape[1]
+    scratch = np.empty((3, size), x.dtype)
+    product, dx, dy = scratch[0], scratch[1], scratch[2]
+    inner, weights = slice(3 * apart, size - 3 * apart), derivative[DERIVATIVE_POINTS, DERIVATIVE_POINTS // 2]
+    if size > 6 * apart:
+        _centred(x.reshape(size), 3 * apart, apart, weights, dx[inner])
+        _centred(y.reshape(size), 3 * apart, apart, weights, dy[inner])
+        slopes = slope_x.reshape(size)[inner], slope_y.reshape(size)[inner]
+        _sum_of_products(slopes[0], dx[inner], slopes[1], dy[inner], product[inner])
+    for i, j, first, points in near[0]:
+        at = j if axis else i
+        dx_here = dy_here = 0.0
+        for k in range(points):
+            weight = derivative[points, at - first, k]
+            row, col = (i, first + k) if axis else (first + k, j)
+            dx_here += weight * x[row, col]
+            dy_here += weight * y[row, col]
+        product[i * x.shape[1] + j] = slope_x[i, j] * dx_here + slope_y[i, j] * dy_here
+    if size > 5 * apart:
+        weights = integral[INTEGRAL_POINTS, INTEGRAL_POINTS // 2 - 1]
+        _integral(product, 2 * apart, apart, weights, dx[2 * apart : size - 3 * apart])
+    for i in range(out.shape[0]):
+        here, ahead, line = valid[i], valid[i + 1 - axis, axis:], dx[i * x.shape[1] :]
+        for j in range(out.shape[1]):
+            out[i, j] = line[j] if here[j] & ahead[j] else 0.0
+    for i, j, first, points in near[1]:
+        at = j if axis else i
+        total = 0.0
+        for k in range(points):
+            row, col = (i, first + k) if axis else (first + k, j)
+            total += integral[points, at - first, k] * product[row * x.shape[1] + col]
+        out[i, j] = total
 
 
 @numba.njit(cache=True)
@@ -156,20 +184,38 @@ def derivatives(x: Any, y: Any, valid: Any, table: Any) -> Any:
 
 
 @numba.njit(cache=True)
-def integral_stencils(valid: Any) -> Any:
-    """(n, 4) row and column of the steps along rows next to a gap or border, first node and node count."""
+def _stencils(valid: Any) -> tuple[Any, Any]:
+    """Along rows, see `stencils`."""
     rows, cols = valid.shape
-    out, count = np.empty((rows * cols, 4), np.int64), 0
+    nodes, steps = np.empty((rows * cols, 4), np.int64), np.empty((rows * cols, 4), np.int64)
+    of_nodes = of_steps = 0
     for i in range(rows):
         start, end = _next_run(valid, i, 0)
         while start < cols:
-            for j in range(start, end - 1):
-                if not start + 2 <= j < end - 3:
+            for j in range(start, end if end - start > 1 else start):
+                if not start + 3 <= j < end - 3:
+                    points = min(DERIVATIVE_POINTS, end - start)
+                    nodes[of_nodes, 0], nodes[of_nodes, 1] = i, j
+                    nodes[of_nodes, 2] = min(max(j - points // 2, start), end - points)
+                    nodes[of_nodes, 3] = points
+                    of_nodes += 1
+                if j < end - 1 and not start + 2 <= j < end - 3:
                     first, points = _integral_stencil(j, start, end)
-                    out[count, 0], out[count, 1], out[count, 2], out[count, 3] = i, j, first, points
-                    count += 1
+                    steps[of_steps, 0], steps[of_steps, 1] = i, j
+                    steps[of_steps, 2], steps[of_steps, 3] = first, points
+                    of_steps += 1
             start, end = _next_run(valid, i, end)
-    return out[:count].copy()
+    return nodes[:of_nodes].copy(), steps[:of_steps].copy()
+
+
+def stencils(valid: Mask) -> tuple[tuple[Ints, Ints], tuple[Ints, Ints]]:
+    """Of nodes and of steps, along columns and along rows, that are next to a gap or border.
+
+    Each (n, 4): row, column, first node and number of nodes.
+    """
+    down = _stencils(np.ascontiguousarray(valid.T))
+    of_nodes, of_steps = (np.ascontiguousarray(one[:, [1, 0, 2, 3]]) for one in down)
+    return (of_nodes, of_steps), _stencils(np.ascontiguousarray(valid))
 
 
 @numba.njit(cache=True)
@@ -248,17 +294,25 @@ def depth_differences_adjoint(across: Float, down: Float, x_mm: Float, y_mm: Flo
     return out
 
 
-def depth_differences(slope: Any, x_mm: Any, y_mm: Any, valid: Mask) -> tuple[Any, Any]:
+def depth_differences(
+    slope: Any,
+    x_mm: Any,
+    y_mm: Any,
+    valid: Mask,
+    near: tuple[tuple[Ints, Ints], tuple[Ints, Ints]] | None = None,
+) -> tuple[Any, Any]:
     """Depth step from each node to the next: (rows, cols-1) along rows, (rows-1, cols) along columns, mm.
 
     slope: (rows, cols, 2), d(depth)/dx and d(depth)/dy at the nodes' mirror points x_mm, y_mm (which may
     lie irregularly but smoothly), all in one precision, which is that of the steps. Those that touch an
-    invalid node are 0.
+    invalid node are 0. near: `stencils` of the valid nodes, where they are known.
     """
     rows, cols = valid.shape
-    across, down = np.empty((rows, cols - 1), slope.dtype), np.empty((cols, rows - 1), slope.dtype)
-    fields: tuple[Any, ...] = slope[..., 0], slope[..., 1], x_mm, y_mm, valid
-    for each, out in ((fields, across), ([one.T for one in fields], down)):
-        sx, sy, x, y, known = (np.ascontiguousarray(one) for one in each)
-        _along_rows(sx, sy, x, y, known, DERIVATIVE, INTEGRAL, out)
-    return across, down.T
+    down, across = np.empty((rows - 1, cols), slope.dtype), np.empty((rows, cols - 1), slope.dtype)
+    fields = (np.ascontiguousarray(one) for one in (slope[..., 0], slope[..., 1], x_mm, y_mm, valid))
+    sx, sy, x, y, known = fields
+    for axis, (near_gaps, out) in enumerate(
+        zip(stencils(known) if near is None else near, (down, across), strict=True)
+    ):
+        _steps(sx, sy, x, y, known, axis, near_gaps, DERIVATIVE, INTEGRAL, out)
+    return across, down

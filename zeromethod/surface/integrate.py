@@ -20,7 +20,7 @@ import numpy as np
 from scipy import ndimage
 
 from zeromethod.arrays import Float, Mask
-from zeromethod.surface.differences import depth_differences, depth_differences_adjoint
+from zeromethod.surface.differences import depth_differences, depth_differences_adjoint, stencils
 from zeromethod.surface.multigrid import EXACT, LatticeSolution
 
 _KEEP_FACTOR = 2.0
@@ -188,6 +188,7 @@ class SlopeIntegrator:
         self._edges = _Edges(self._valid, 0, np.zeros_like(self._h_across), np.zeros_like(self._h_down), None)
         self._earlier = self._edges
         self.island: Mask = np.zeros(shape, bool)
+        self._near_gaps = self.island, stencils(self.island)
         self.weighting = 0
         """Number of the weights in use; those before them may come back."""
 
@@ -249,7 +250,9 @@ class SlopeIntegrator:
 
     def steps(self, slope: Float, x_mm: Float, y_mm: Float) -> tuple[Float, Float]:
         """Steps of depth (rows, cols-1), (rows-1, cols), mm, that slopes make; arguments as `integrate`."""
-        return depth_differences(slope, x_mm, y_mm, self.island)
+        if self._near_gaps[0] is not self.island:
+            self._near_gaps = self.island, stencils(self.island)
+        return depth_differences(slope, x_mm, y_mm, *self._near_gaps)
 
     def correction(
         self, steps: tuple[Float, Float], depth_mm: Float | None = None, share: float = EXACT

@@ -6,7 +6,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from zeromethod.arrays import Float
+from zeromethod.arrays import Float, Single
 from zeromethod.surface.rays import MirrorRays
 
 _DEPTH_STEP_MM = 0.05
@@ -14,6 +14,8 @@ _SLOPE_STEP = 5e-3
 _Q_STEP_PX = 0.25
 _LEAST_SHARE = 0.1
 """Determinant relative to rest below which the first-order lever is not used (at P0 it vanishes)."""
+_BLOCK = 4096
+"""Nodes at a time, which fit the processor's nearest memory."""
 _LEAST_MIXING = 0.1
 """Determinant of the squared Jacobian over its rows', above which the components' noise is separable."""
 
@@ -40,10 +42,12 @@ def _noise(xu: float, xv: float, yu: float, yv: float, x2: float, y2: float) -> 
     """Variance of the displacements along u and v from that of the warp, x2 and y2, and its Jacobian."""
     xu, xv, yu, yv = xu * xu, xv * xv, yu * yu, yv * yv
     mixing = xu * yv - xv * yu
-    equal, per = (x2 + y2) / (xu + xv + yu + yv), 1.0 / mixing
+    per = 1.0 / mixing
     p, q = (yv * x2 - xv * y2) * per, (xu * y2 - yu * x2) * per
-    separable = (abs(mixing) > _LEAST_MIXING * (xu + xv) * (yu + yv)) & (p > 0.0) & (q > 0.0)
-    return (p if separable else equal), (q if separable else equal)
+    if (abs(mixing) > _LEAST_MIXING * (xu + xv) * (yu + yv)) & (p > 0.0) & (q > 0.0):
+        return p, q
+    equal = (x2 + y2) / (xu + xv + yu + yv)
+    return equal, equal
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -59,28 +63,72 @@ def _spread(jacobian: Float, sigma: Float, out: Float) -> None:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _variance(
-    rest: Float, by: NDArray[np.float32], depth: Float, slope: Float, spread: Float, out: Float
+def _entry(
+    rest: Float, by: Single, d: Float, by_x: Single, sx: Float, by_y: Single, sy: Float, out: Float
 ) -> None:
-    for j in range(rest.shape[1]):
-        for i in range(rest.shape[2]):
-            a, b, c, e, per = _inverse(rest, by, j, i, depth[j, i], slope[0, j, i], slope[1, j, i])
-            xx, xy, yy = spread[0, j, i], spread[1, j, i], spread[2, j, i]
-            per *= per
-            out[j, i, 0] = (e * e * xx - 2.0 * e * b * xy + b * b * yy) * per
-            out[j, i, 1] = (a * a * yy - 2.0 * a * c * xy + c * c * xx) * per
+    """One entry of sensitivities at a depth and slope."""
+    for i in range(len(out)):
+        out[i] = rest[i] + by[i] * d[i] + by_x[i] * sx[i] + by_y[i] * sy[i]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _variance_at_rest(rest: Float, spread: Float, out: Float) -> None:
-    for j in range(rest.shape[1]):
-        for i in range(rest.shape[2]):
-            a, b, c, e = rest[0, j, i], rest[1, j, i], rest[2, j, i], rest[3, j, i]
-            per = 1.0 / (a * e - b * c)
-            xx, xy, yy = spread[0, j, i], spread[1, j, i], spread[2, j, i]
-            per *= per
-            out[j, i, 0] = (e * e * xx - 2.0 * e * b * xy + b * b * yy) * per
-            out[j, i, 1] = (a * a * yy - 2.0 * a * c * xy + c * c * xx) * per
+def _per_area2(a: Float, b: Float, c: Float, e: Float, at_rest: Float, out: Float) -> int:
+    """1 over the square of determinants; how many are too small next to those at rest, or NaN.
+
+    at_rest: 1 over those at rest.
+    """
+    wrong = 0
+    for i in range(len(out)):
+        area = a[i] * e[i] - b[i] * c[i]
+        out[i] = 1.0 / (area * area)
+        wrong += not area * at_rest[i] > _LEAST_SHARE
+    return wrong
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _propagated(e: Float, b: Float, xx: Float, xy: Float, yy: Float, per2: Float, out: Float) -> None:
+    """Variance of one component of slopes."""
+    for i in range(len(out)):
+        square = e[i] * e[i] * xx[i] - 2.0 * e[i] * b[i] * xy[i] + b[i] * b[i] * yy[i]
+        out[i] = square * per2[i]
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _variance(
+    rest: Float,
+    at_rest: Float,
+    by: NDArray[np.float32],
+    depth: Float,
+    slope: Float,
+    spread: Float,
+    out: Float,
+) -> None:
+    """All with nodes last, (..., n), but the result (n, 2). at_rest: 1 over the determinant at rest.
+
+    Block by block, in loops over few arrays, which are vectorised. Without nodes in `depth`, at rest.
+    """
+    scratch, n = np.empty((7, _BLOCK)), rest.shape[1]
+    for start in range(0, n, _BLOCK):
+        part, size = slice(start, min(start + _BLOCK, n)), min(_BLOCK, n - start)
+        a, b, c, e = scratch[0, :size], scratch[1, :size], scratch[2, :size], scratch[3, :size]
+        per2, x2, y2 = scratch[4, :size], scratch[5, :size], scratch[6, :size]
+        if len(depth) == 0:
+            a, b, c, e = rest[0, part], rest[1, part], rest[2, part], rest[3, part]
+            per2[:] = at_rest[part] * at_rest[part]
+        else:
+            for k in range(4):
+                of_depth, of_x, of_y, to = by[k, part], by[4 + k, part], by[8 + k, part], scratch[k, :size]
+                _entry(rest[k, part], of_depth, depth[part], of_x, slope[0, part], of_y, slope[1, part], to)
+            if _per_area2(a, b, c, e, at_rest[part], per2) > 0:
+                for i in range(size):
+                    inverse = at_rest[start + i]
+                    if not (a[i] * e[i] - b[i] * c[i]) * inverse > _LEAST_SHARE:
+                        scratch[:4, i], per2[i] = rest[:, start + i], inverse * inverse
+        xx, xy, yy, to = spread[0, part], spread[1, part], spread[2, part], out[part]
+        _propagated(e, b, xx, xy, yy, per2, x2)
+        _propagated(a, c, yy, xy, xx, per2, y2)
+        for i in range(size):
+            to[i, 0], to[i, 1] = x2[i], y2[i]
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -118,6 +166,8 @@ class Lever:
         """sensitivity: (rows, cols, 2, 2) LCD px per rad at rest."""
         self._rays, self._rest = rays, np.ascontiguousarray(sensitivity)
         self._planes = _planes(sensitivity)
+        a, b, c, e = self._planes
+        self._per_area = 1.0 / (a * e - b * c)
         zero = np.zeros(sensitivity.shape[:-2])
         per_slope = []
         for axis in (0, 1):
@@ -173,11 +223,13 @@ class Lever:
     def variance(self, spread: Float, depth_mm: Float | None = None, slope: Float | None = None) -> Float:
         """Variance (rows, cols, 2) of slope, rad^2, by `factor`; without depth and slope that at rest."""
         out = np.empty((*spread.shape[1:], 2))
+        n = self._per_area.size
+        planes, by, spreads = self._planes.reshape(4, n), self._by.reshape(12, n), spread.reshape(3, n)
         if depth_mm is None or slope is None:
-            _variance_at_rest(self._planes, spread, out)
-            return out
-        slopes = np.ascontiguousarray(np.moveaxis(slope, -1, 0))
-        _variance(self._planes, self._by, depth_mm, slopes, spread, out)
+            depth, slopes = np.empty(0), np.empty((2, 0))
+        else:
+            depth, slopes = depth_mm.reshape(n), np.moveaxis(slope, -1, 0).reshape(2, n)
+        _variance(planes, self._per_area.reshape(n), by, depth, slopes, spreads, out.reshape(n, 2))
         return out
 
 

@@ -25,6 +25,8 @@ _NULL = 1e-7
 """Eigenvalue over the largest up to which a combination of the coarsest nodes counts as free."""
 _STEPS = 0.562, 1.389
 """Lengths of the two damped steps that smooth: Chebyshev's, for eigenvalues of 0.5 to 2 over the diagonal."""
+_ROUNDING = 1e-14
+"""Diagonal over the largest up to which a node has no edges but what rounding left: it is an island."""
 EXACT = 1e-11
 """Share of the error that is left by default."""
 _MOST_CYCLES = 300
@@ -209,6 +211,12 @@ def _flat(parts: list[Float], places: NDArray[np.intp]) -> NDArray[np.float32]:
     return out
 
 
+def _inverse(diagonal: Float) -> Float:
+    """1 / diagonal; 0 of a node without edges."""
+    held = diagonal > _ROUNDING * diagonal.max()
+    return np.divide(1.0, diagonal, out=np.zeros_like(diagonal), where=held)
+
+
 @dataclass(frozen=True, slots=True)
 class LatticeSolution:
     """Lattices, from fine to coarse, of one A; see the module.
@@ -244,7 +252,7 @@ class LatticeSolution:
             between.append(p)
         sizes = [one.shape[1:] for one in lattices]
         before = np.cumsum([0, *(m * n for m, n in sizes)])
-        inverse = [np.divide(1.0, a[0], out=np.zeros_like(a[0]), where=a[0] > 0.0) for a in lattices]
+        inverse = [_inverse(a[0]) for a in lattices]
         return cls(
             np.array([(*one, at) for one, at in zip(sizes, before[:-1], strict=True)]),
             matrix,

@@ -120,11 +120,11 @@ def step_of(scale: Float, error: Float, constant: float, nodes: Mask) -> Float:
 
 @numba.njit(cache=True, error_model="numpy")
 def together(scale: Float, of_frame: Float, share: Float, depth: Float, systematic: Float) -> Float:
-    """Sigma (rows, cols) of depth by noise of depth / h, a share of depth and systematic errors (n, ...)."""
+    """Sigma (rows, cols) of depth by variance of depth / h, a share of depth, systematic errors (n, ...)."""
     out = np.empty(depth.shape)
     for i in range(depth.shape[0]):
         for j in range(depth.shape[1]):
-            total = (scale[i, j] * of_frame[i, j]) ** 2 + (share[i, j] * depth[i, j]) ** 2
+            total = scale[i, j] ** 2 * of_frame[i, j] + (share[i, j] * depth[i, j]) ** 2
             for k in range(len(systematic)):
                 total += systematic[k, i, j] ** 2
             out[i, j] = np.sqrt(total)

@@ -19,7 +19,7 @@ from zeromethod.surface.differences import (
     INTEGRAL,
     INTEGRAL_POINTS,
     derivatives,
-    integral_stencils,
+    stencils,
 )
 from zeromethod.surface.integrate import LinearIntegration
 
@@ -126,8 +126,8 @@ class NodeVariance:
             np.ascontiguousarray(np.einsum("ijca,cij->aij", factor, np.stack(way)), np.float32)
             for way in ways
         )
-        down = integral_stencils(turned)[:, [1, 0, 2, 3]]
-        self._stencils = integral_stencils(island), np.ascontiguousarray(down)
+        (_, down), (_, across) = stencils(linear.island)
+        self._stencils = across, down
         steps = []
         for weights, next_to_gap in zip((linear.across, linear.down), self._stencils, strict=True):
             inside = weights.astype(np.float32)

@@ -12,7 +12,7 @@ from scipy import ndimage
 from zeromethod.arrays import Float, Mask
 from zeromethod.surface.integrate import SlopeIntegrator, fill_in, share_changed
 from zeromethod.surface.node_variance import variance_of_noise
-from zeromethod.surface.noise_growth import grown_by, known_sums
+from zeromethod.surface.noise_growth import Known, grown_by
 from zeromethod.surface.samples import A_FEW, AT_FIRST, SELDOM, Samples
 
 _KEEP_SHARE, _KEEP_BACK, _KEEP_CHANGED = 0.02, 0.005, 0.05
@@ -115,7 +115,7 @@ class _Map:
         weights: Float,
         earlier: _Map | None,
     ) -> None:
-        """Begin samples, for this reading's mask and noise; arguments as of `DepthNoise.sigma`, `Samples`.
+        """Begin samples, for this reading's mask and noise; arguments as of `DepthNoise.variance`, `Samples`.
 
         earlier: that of another mask, which says what the rough variance is off by.
         """
@@ -124,7 +124,7 @@ class _Map:
         # weights are kept from other noise
         kept = _powers(integrator.variance, island)
         both = island & (kept > 0.0)
-        grown = grown_by(power, kept, both, known_sums(both), weights)
+        grown = grown_by(power, kept, both, Known.of(both), weights)
         linear = integrator.linear(x_mm, y_mm)
         self._samples: Samples | None = Samples(
             linear, lambda: noise.factor, noise.correlation, power, weights, grown,
@@ -136,7 +136,7 @@ class _Map:
         self._power, self._weighting = power.copy(), integrator.weighting
         self._first = self._anchor = weights.copy()
         self._blocks = _blocks(weights, _block_size(island.shape))
-        self._both, self._known = island, known_sums(island)
+        self._both, self._known = island, Known.of(island)
         self._sampled = self._variance = np.zeros(island.shape)
         self._shift: Float | float = 0.0
         self._readings = 0
@@ -162,8 +162,10 @@ class _Map:
         """Variance (rows, cols) of depth / h, mm^2, by the noise of this reading."""
         both = island & self.mask
         if not np.array_equal(both, self._both):
-            self._both, self._known = both, known_sums(both)
-        return np.asarray(grown_by(power, self._power, both, self._known, self._anchor) * self._variance)
+            self._both, self._known = both, Known.of(both)
+        out = grown_by(power, self._power, both, self._known, self._anchor) * self._variance
+        out[~island] = np.nan
+        return np.asarray(out)
 
     def take(self, at_once: bool) -> None:
         """Work out some samples more, or all; the map is made before the first, with some, and with all.
@@ -215,7 +217,7 @@ class _Map:
 
 
 class DepthNoise:
-    """Standard deviation of depth, exact at some nodes and interpolated between.
+    """Variance of depth, exact at some nodes and interpolated between.
 
     One node's variance takes one solution of the integrator's equations (`NodeVariance`). Over the rough one
     of the lattices (`log_rough_variance`) it varies slowly: its logarithm is a thin-plate spline through some
@@ -236,10 +238,10 @@ class DepthNoise:
         self._map: _Map | None = None
         self._earlier: _Map | None = None
 
-    def sigma(
+    def variance(
         self, noise: SlopeNoise, x_mm: Float, y_mm: Float, weights: Float, at_once: bool = True
     ) -> Float:
-        """Sigma (rows, cols) of depth / h, in mm, when the `weights`' mean of depth / h is taken as 0.
+        """Variance (rows, cols) of depth / h, in mm^2, when the `weights`' mean of depth / h is taken as 0.
 
         noise: the reading's, at points x_mm, y_mm (rows, cols). at_once: False where a few samples at a time
         will do. NaN off the integrator's island.
@@ -256,22 +258,22 @@ class DepthNoise:
             kept.move_anchor(integrator, x_mm, y_mm, weights)
         self._map = kept
         self._map.take(at_once)
-        found = np.sqrt(self._map.variance(power, island))
-        found[~island] = np.nan
-        return np.asarray(found)
+        return self._map.variance(power, island)
 
 
 def _block_size(shape: tuple[int, ...]) -> int:
     return max(1, round(_BLOCK_SHARE * min(shape)))
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc"})
 def _blocks(weights: Float, size: int) -> Float:
     """Sums over blocks: noise of depth is alike within one."""
     rows, cols = weights.shape
     out = np.zeros((-(-rows // size), -(-cols // size)))
     for i in range(rows):
-        to = out[i // size]
-        for j in range(cols):
-            to[j // size] += weights[i, j]
+        for block in range(out.shape[1]):
+            total = 0.0
+            for j in range(block * size, min((block + 1) * size, cols)):
+                total += weights[i, j]
+            out[i // size, block] += total
     return out

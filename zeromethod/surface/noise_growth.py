@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numba
 import numpy as np
 from numpy.typing import NDArray
@@ -13,52 +15,61 @@ _BOXES = (1, 3, 7, 15, 31, 63)
 _EVEN = 0.02
 
 
-def grown_by(power: Float, kept: Float, both: Mask, known: Float, anchor: Float) -> Float | float:
+def grown_by(power: Float, kept: Float, both: Mask, known: Known, anchor: Float) -> Float | float:
     """How the variance of depth has grown with slopes' noise, (rows, cols) or the same everywhere.
 
-    power, kept: of the noise now and before, (rows, cols), both known on these nodes, whose `known_sums`
-    are given. anchor: weights.
+    power, kept: of the noise now and before, (rows, cols), both known on these nodes, whose `Known` is
+    given. anchor: weights.
     """
     ratio, middle, uneven = _ratios(power, kept, both)
     if uneven < _EVEN:
         return middle
-    boxes = _boxes(ratio.shape)
     values, total = np.empty(known.shape), np.zeros(ratio.shape)
     _sums(ratio, values)
-    _add_box_means(values, known, boxes, middle, total)
+    _add_box_means(values, known.shares, known.boxes, middle, total)
     at_anchor = float(dot(anchor, total) / max(float(anchor.sum()), 1e-30))
     return 0.5 * (total + at_anchor)
 
 
-def _boxes(shape: tuple[int, ...]) -> NDArray[np.intp]:
-    return np.array([n for n in _BOXES if n <= max(shape)])
+class Known(NamedTuple):
+    """Boxes around each node of a mask, and 1 over the number of its nodes in each, over that of the boxes.
+
+    shares: (boxes, rows, cols); 0 where a box has none. shape: of `_sums`, with half the last box around.
+    """
+
+    boxes: NDArray[np.intp]
+    shares: Float
+    shape: tuple[int, int]
+
+    @classmethod
+    def of(cls, nodes: Mask) -> Known:
+        """For nodes (rows, cols)."""
+        rows, cols = nodes.shape
+        boxes = np.array([n for n in _BOXES if n <= max(nodes.shape)])
+        sums = np.empty((rows + 1, cols + 1 + 2 * int(boxes[-1] // 2)))
+        _sums(nodes.astype(np.float64), sums)
+        shares = np.empty((len(boxes), rows, cols))
+        _shares(sums, boxes, shares)
+        return cls(boxes, shares, sums.shape)
 
 
-def known_sums(nodes: Mask) -> Float:
-    """`_sums` of the number of nodes (rows, cols), with a margin of half the last box."""
-    rows, cols = nodes.shape
-    out = np.empty((rows + 1, cols + 1 + 2 * int(_boxes(nodes.shape)[-1] // 2)))
-    _sums(nodes.astype(np.float64), out)
-    return out
-
-
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc"})
 def _ratios(now: Float, kept: Float, both: Mask) -> tuple[Float, float, float]:
     """Ratio (rows, cols) on these nodes, else 0; its mean, and the mean distance from that over it."""
-    out = np.zeros(both.shape)
+    out = np.empty(both.shape)
     total = away = 0.0
     count = 0
     for i in range(both.shape[0]):
         for j in range(both.shape[1]):
-            if both[i, j]:
-                out[i, j] = now[i, j] / kept[i, j]
-                total += out[i, j]
-                count += 1
+            ratio = now[i, j] / kept[i, j]
+            ratio = ratio if both[i, j] else 0.0
+            out[i, j] = ratio
+            total += ratio
+            count += both[i, j]
     middle = total / count
     for i in range(both.shape[0]):
         for j in range(both.shape[1]):
-            if both[i, j]:
-                away += abs(out[i, j] - middle)
+            away += abs(out[i, j] - middle) if both[i, j] else 0.0
     return out, middle, away / (middle * count)
 
 
@@ -81,22 +92,35 @@ def _sums(values: Float, out: Float) -> None:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _add_box_means(values: Float, known: Float, boxes: NDArray[np.intp], other: float, out: Float) -> None:
+def _shares(counts: Float, boxes: NDArray[np.intp], out: Float) -> None:
+    """1 over the number of known nodes in each box, over the number of boxes; counts: their `_sums`."""
+    for one in range(len(boxes)):
+        half = boxes[one] // 2
+        near = boxes[-1] // 2 - half
+        for i in range(out.shape[1]):
+            top, bottom = max(i - half, 0), min(i + half + 1, out.shape[1])
+            for j in range(out.shape[2]):
+                left, right = near + j, near + boxes[one] + j
+                count = counts[bottom, right] - counts[top, right] - counts[bottom, left] + counts[top, left]
+                out[one, i, j] = 1.0 / (count * len(boxes)) if count > 0.5 else 0.0
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _add_box_means(values: Float, shares: Float, boxes: NDArray[np.intp], other: float, out: Float) -> None:
     """Add the mean of the means over boxes around each node; `other` where a box has no known node.
 
-    values, known: `_sums` of known values, and of their number, with a margin of half the last box.
+    values: `_sums` of known values. shares: as of `Known`.
     """
     rows, cols = out.shape
-    for size in boxes:
-        half = size // 2
+    empty = other / len(boxes)
+    for one in range(len(boxes)):
+        half = boxes[one] // 2
         near = boxes[-1] // 2 - half
-        left, right = slice(near, near + cols), slice(near + size, near + size + cols)
+        left, right = slice(near, near + cols), slice(near + boxes[one], near + boxes[one] + cols)
         for i in range(rows):
             top, bottom = max(i - half, 0), min(i + half + 1, rows)
             a, b, c, d = values[bottom, right], values[top, right], values[bottom, left], values[top, left]
-            e, f, g, h = known[bottom, right], known[top, right], known[bottom, left], known[top, left]
-            to = out[i]
+            share, to = shares[one, i], out[i]
             for j in range(cols):
-                count = e[j] - f[j] - g[j] + h[j]
-                mean = (a[j] - b[j] - c[j] + d[j]) / count if count > 0.5 else other
-                to[j] += mean / len(boxes)
+                mean = (a[j] - b[j] - c[j] + d[j]) * share[j]
+                to[j] += mean if share[j] > 0.0 else empty

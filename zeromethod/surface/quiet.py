@@ -5,8 +5,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from zeromethod.arrays import Float, Mask, Single
-from zeromethod.surface.node_passes import deepest_node
+from zeromethod.arrays import Float, Ints, Mask, Single
 
 _NEGLIGIBLE = 0.02
 """Share of the largest weight that is taken off all, down to 0."""
@@ -16,104 +15,127 @@ _WITHIN = 1.5
 """Lengths of the core's interval outside it at which weights have fallen to 0, from 1 one length before."""
 
 
+_SUMS = {"contract", "reassoc"}
+"""Sums may be taken in any order, which changes rounding alone, so that they are vectorised."""
+
+
 @numba.njit(cache=True, error_model="numpy")
-def mask(one: Float, other: Float, nodes: Mask, out: Single) -> None:
-    """Both (rows, cols, n), (rows, cols, m) on these nodes, else 0, one after the other."""
-    first = one.shape[2]
+def mask(vectors: Float, other: Float, nodes: Mask, out: Single) -> None:
+    """Vectors (rows, cols, 2) on these nodes, and sums of the other (rows, cols, n); 0 elsewhere."""
     for i in range(nodes.shape[0]):
         for j in range(nodes.shape[1]):
-            if nodes[i, j]:
-                for k in range(first):
-                    out[i, j, k] = one[i, j, k]
-                for k in range(first, out.shape[2]):
-                    out[i, j, k] = other[i, j, k - first]
-            else:
-                out[i, j] = 0.0
+            total = other[i, j, 0]
+            for k in range(1, other.shape[2]):
+                total += other[i, j, k]
+            there = nodes[i, j]
+            out[i, j, 0] = vectors[i, j, 0] if there else 0.0
+            out[i, j, 1] = vectors[i, j, 1] if there else 0.0
+            out[i, j, 2] = total if there else 0.0
 
 
 @numba.njit(cache=True, error_model="numpy")
-def noise_of(means: Single, averaging: Float) -> Float:
-    """Variance (rows, cols) of a block's slope: both variances, third and fourth of its means, averaged."""
-    rows, cols = averaging.shape
-    out = np.empty((rows, cols))
-    for i in range(rows):
-        for j in range(cols):
-            out[i, j] = (means[i, j, 2] + means[i, j, 3]) * averaging[i, j]
-    return out
+def squared(means: Single, gradient: Single, multiple: float, per_share2: Single, out: Single) -> None:
+    """Square (rows, cols) of slope less a multiple of the gradient, the first two of their means over blocks.
 
-
-@numba.njit(cache=True, error_model="numpy")
-def squared(means: Single, gradient: Single, multiple: float, block: int, island: Mask) -> Float:
-    """Square of slope less a multiple of the gradient, each the first two of its means over blocks; else 0.
-
-    The gradient's third is the share of each block that has nodes.
+    per_share2: 1 over the square of each block's share of nodes; 0 where there is no node.
     """
-    least, out = 1.0 / block**2, np.empty(island.shape)
-    for i in range(island.shape[0]):
-        for j in range(island.shape[1]):
-            x = means[i, j, 0] - multiple * gradient[i, j, 0]
-            y = means[i, j, 1] - multiple * gradient[i, j, 1]
-            share = max(gradient[i, j, 2], least)
-            out[i, j] = (x * x + y * y) / (share * share) if island[i, j] else 0.0
-    return out
+    contained = np.float32(multiple)
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            x = means[i, j, 0] - contained * gradient[i, j, 0]
+            y = means[i, j, 1] - contained * gradient[i, j, 1]
+            out[i, j] = (x * x + y * y) * per_share2[i, j]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy", fastmath=_SUMS)
 def over_noise(slope: Float, gradient: Float, multiple: float, variance: Float, island: Mask) -> float:
-    """Mean square over sigma of both slopes, less a multiple of the gradient, all (rows, cols, 2)."""
-    total, count = 0.0, 0
+    """Sum of the squares over sigma of both slopes, less a multiple of the gradient, all (rows, cols, 2)."""
+    total = 0.0
     for i in range(island.shape[0]):
         for j in range(island.shape[1]):
-            if island[i, j]:
-                count += 1
-                for k in range(2):
-                    total += (slope[i, j, k] - multiple * gradient[i, j, k]) ** 2 / variance[i, j, k]
-    return total / (2 * count)
+            x = slope[i, j, 0] - multiple * gradient[i, j, 0]
+            y = slope[i, j, 1] - multiple * gradient[i, j, 1]
+            square = x * x / variance[i, j, 0] + y * y / variance[i, j, 1]
+            total += square if island[i, j] else 0.0
+    return total
 
 
-@numba.njit(cache=True, error_model="numpy")
-def quiet_weights(
-    spread: Float, noise2: Float, constant: Float, scale: Float, x: Float, y: Float, ring: Mask, island: Mask,
-    least2: float,
-) -> tuple[Float, Float, Float, Float, Float]:  # fmt: skip
-    """Weights of the ring's nodes by their squared slope, at least noise2, and way from the deepest node.
-
-    All (rows, cols). And that way (2, rows, cols), its square, at least `least2`, mm^2; the constants and
-    weights (n,) of the nodes that count.
-    """
-    weights, lever2 = np.zeros(ring.shape), np.zeros(ring.shape)
-    rows, cols = ring.shape
+@numba.njit(cache=True, error_model="numpy", fastmath=_SUMS)
+def _by_slope(
+    around: Single, means: Single, averaging: Float, constant: Float, scale: Float, ring: Mask, out: Float
+) -> float:
+    """Weights (rows, cols) of the ring's nodes by the squared slope around; the constant's mean with them."""
     total = mean = 0.0
-    for i in range(rows):
-        for j in range(cols):
-            if ring[i, j]:
-                weights[i, j] = scale[i, j] ** 2 / max(spread[i, j], noise2[i, j])
-                total += weights[i, j]
-                mean += weights[i, j] * constant[i, j]
-    at = deepest_node(scale * (constant - mean / total), island)
-    away = np.zeros((2, rows, cols))
-    largest, count = 0.0, 0
-    for i in range(rows):
-        for j in range(cols):
-            if ring[i, j]:
-                away[0, i, j], away[1, i, j] = x[i, j] - x[at], y[i, j] - y[at]
-                lever2[i, j] = max(away[0, i, j] ** 2 + away[1, i, j] ** 2, least2)
-                weights[i, j] /= lever2[i, j]
-                largest = max(largest, weights[i, j])
-    values, heavy = np.empty(ring.size), np.empty(ring.size)
-    for i in range(rows):
-        for j in range(cols):
-            # without steps, so that where a reading started does not decide which nodes count
-            weights[i, j] = max(weights[i, j] - _NEGLIGIBLE * largest, 0.0)
-            if weights[i, j] > 0.0:
-                values[count], heavy[count] = constant[i, j], weights[i, j]
-                count += 1
-    return weights, away, lever2, values[:count], heavy[:count]
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            slope2, noise2 = np.float64(around[i, j]), means[i, j, 2] * averaging[i, j]
+            weight = scale[i, j] * scale[i, j] / (slope2 if slope2 > noise2 else noise2)
+            weight = weight if ring[i, j] else 0.0
+            out[i, j] = weight
+            total += weight
+            mean += weight * constant[i, j] if ring[i, j] else 0.0
+    return mean / total
 
 
 @numba.njit(cache=True, error_model="numpy")
-def shortest_interval(values: Float, weights: Float, share: float) -> tuple[float, float]:
-    """Shortest interval of values, in order, with a share of the weight; the mean of those about as short."""
+def _farthest(constant: Float, scale: Float, mean: float, island: Mask) -> tuple[int, int]:
+    """Row and column of the node whose depth is farthest from h times the mean."""
+    deepest, row, col = -1.0, 0, 0
+    for i in range(island.shape[0]):
+        for j in range(island.shape[1]):
+            away = abs(scale[i, j] * (constant[i, j] - mean))
+            if away > deepest and island[i, j]:
+                deepest, row, col = away, i, j
+    return row, col
+
+
+@numba.njit(cache=True, error_model="numpy", fastmath={"contract", "nnan", "nsz"})
+def _divide(weights: Float, x: Float, y: Float, at: tuple[int, int], least2: float) -> float:
+    """Divide weights (rows, cols) by the squared way from a node, at least least2; the largest."""
+    largest, at_x, at_y = 0.0, x[at], y[at]
+    for i in range(weights.shape[0]):
+        for j in range(weights.shape[1]):
+            to_x, to_y, before = x[i, j] - at_x, y[i, j] - at_y, weights[i, j]
+            lever2 = to_x * to_x + to_y * to_y
+            weight = before / (lever2 if lever2 > least2 else least2)
+            weight = weight if before > 0.0 else 0.0
+            weights[i, j] = weight
+            largest = weight if weight > largest else largest
+    return largest
+
+
+@numba.njit(cache=True, error_model="numpy")
+def quiet_nodes(
+    around: Single, means: Single, averaging: Float, constant: Float, scale: Float, x: Float, y: Float,
+    ring: Mask, island: Mask, least2: float,
+) -> tuple[Ints, Float, Float, tuple[int, int]]:  # fmt: skip
+    """Flat numbers (n,) of the ring's nodes that count, their constants and weights; the deepest node.
+
+    Weights by the squared slope around (rows, cols), at least its noise, and the way from the deepest node,
+    squared, at least least2, mm^2. means, averaging: of the slopes' variance, to that of their means.
+    """
+    weights = np.empty(ring.shape)
+    mean = _by_slope(around, means, averaging, constant, scale, ring, weights)
+    at = _farthest(constant, scale, mean, island)
+    least = _NEGLIGIBLE * _divide(weights, x, y, at, least2)
+    flat, values = weights.reshape(ring.size), constant.reshape(ring.size)
+    nodes, count = np.empty(ring.size, np.intp), 0
+    for k in range(ring.size):
+        # without steps, so that where a reading started does not decide which nodes count
+        if flat[k] > least:
+            nodes[count] = k
+            count += 1
+    nodes = nodes[:count]
+    return nodes, values[nodes], flat[nodes] - least, at
+
+
+@numba.njit(cache=True, error_model="numpy")
+def shortest_interval(values: Float, weights: Float, order: Ints, share: float) -> tuple[float, float]:
+    """Shortest interval of values with a share of the weight; the mean of those about as short.
+
+    order: (n,) that sorts the values.
+    """
+    values, weights = values[order], weights[order]
     first, last = np.empty(len(values)), np.empty(len(values))
     total = weights.sum() * (1.0 - 1e-12)
     end, inside, shortest, fits = 0, 0.0, np.inf, 0
@@ -138,50 +160,45 @@ def shortest_interval(values: Float, weights: Float, share: float) -> tuple[floa
 
 
 @numba.njit(cache=True, error_model="numpy")
-def agreeing(weights: Float, constant: Float, low: float, high: float) -> None:
-    """Take weight from nodes outside an interval of the constant; then they add up to 1."""
+def agreeing(nodes: Ints, values: Float, weights: Float, low: float, high: float, out: Float) -> float:
+    """Take weight from nodes (n,) with values outside an interval; fill it in, so that it adds up to 1.
+
+    Their mean with these weights.
+    """
     reach = high - low if high > low else 1.0
-    total = 0.0
-    for i in range(weights.shape[0]):
-        for j in range(weights.shape[1]):
-            if weights[i, j] > 0.0:
-                outside = max(low - constant[i, j], constant[i, j] - high) / reach
-                weights[i, j] *= min(max(_WITHIN - outside, 0.0), 1.0)
-                total += weights[i, j]
-    for i in range(weights.shape[0]):
-        for j in range(weights.shape[1]):
-            weights[i, j] /= total
+    total = mean = 0.0
+    for k in range(len(nodes)):
+        outside = max(low - values[k], values[k] - high) / reach
+        weights[k] *= min(max(_WITHIN - outside, 0.0), 1.0)
+        total += weights[k]
+        mean += weights[k] * values[k]
+    flat = out.reshape(out.size)
+    for k in range(len(nodes)):
+        flat[nodes[k]] = weights[k] / total
+    return mean / total
 
 
 @numba.njit(cache=True, error_model="numpy")
 def quiet_sums(
-    weights: Float,
-    away: Float,
-    lever2: Float,
-    scale: Float,
-    slope: Float,
-    gradient: Float,
-    multiple: float,
-    variance: Float,
-    slope2: Float,
-    noise2: Float,
-) -> tuple[float, float, float, float, float]:
-    """Mean depth / h by the slope, less a multiple of the gradient, along `away`; its variance, mm^2.
+    nodes: Ints, weights: Float, x: Float, y: Float, at: tuple[int, int], least2: float, scale: Float,
+    slope: Float, gradient: Float, multiple: float, variance: Float, slope2: Single, means: Single,
+    averaging: Float,
+) -> tuple[float, float, float, float, float]:  # fmt: skip
+    """Mean depth / h by the slope, less a multiple of the gradient, along the way from `at`; its variance.
 
-    That is for nodes with noise of their own. And the weighted squares of slope and of its noise over the
-    levers, mm^2; the sum of the squared weights.
+    That is in mm^2, for nodes (n,) with noise of their own and weights (rows, cols). And the squares of slope
+    and of its noise over the levers, weighted, mm^2; the sum of the squared weights.
     """
     implied = own = seen = noise = squares = 0.0
-    for i in range(weights.shape[0]):
-        for j in range(weights.shape[1]):
-            w = weights[i, j]
-            if w > 0.0:
-                for axis in range(2):
-                    lever = w / scale[i, j] * away[axis, i, j]
-                    implied -= lever * (slope[i, j, axis] - multiple * gradient[i, j, axis])
-                    own += lever * lever * variance[i, j, axis]
-                bound2 = w * lever2[i, j] / scale[i, j] ** 2
-                seen += bound2 * slope2[i, j]
-                noise += bound2 * noise2[i, j]
-                squares += w * w
+    for k in range(len(nodes)):
+        i, j = nodes[k] // weights.shape[1], nodes[k] % weights.shape[1]
+        w, away = weights[i, j], (x[i, j] - x[at], y[i, j] - y[at])
+        for axis in range(2):
+            lever = w / scale[i, j] * away[axis]
+            implied -= lever * (slope[i, j, axis] - multiple * gradient[i, j, axis])
+            own += lever * lever * variance[i, j, axis]
+        bound2 = w * max(away[0] ** 2 + away[1] ** 2, least2) / scale[i, j] ** 2
+        seen += bound2 * slope2[i, j]
+        noise += bound2 * means[i, j, 2] * averaging[i, j]
+        squares += w * w
     return implied, own, seen, noise, squares

@@ -135,8 +135,6 @@ class SurfaceReader:
             fixed = self._integrator, self._scale_gradient
             self._drift = BenchDrift(rig, optics, grid, self._rays.rest_q, regular, sensitivity, *fixed)
         self._hidden = HiddenDepth(grid, sensitivity, point[..., 0], point[..., 1])
-        self.noise_mm: Float = np.full(island.shape, np.nan)
-        """(measurable rows, cols) of the last surface's `sigma_depth_mm`, what the warp's own noise makes."""
         self._last: _Last | None = None
         self._before: tuple[Surface | None, Surface | None] = None, None
 
@@ -275,9 +273,8 @@ class SurfaceReader:
         x, y = reading.point[..., 0], reading.point[..., 1]
         fit, curl = reading.fit, None
         systematic: list[Float] = []
-        self.noise_mm = np.full(island.shape, np.nan)
         if fit is not None and self._drift is not None:
-            of_frame = self._noise.sigma(noise, x, y, fit.weights, alone)
+            of_frame = self._noise.variance(noise, x, y, fit.weights, alone)
             read = KnownReading(x, y, reading.depth, self._scale, of_frame, reading.slope, noise.variance)
             fit, systematic = self._drift.systematic(fit, read, noise)
             systematic.append(border_sigma_mm(reading.slope, reading.point, island))
@@ -287,7 +284,6 @@ class SurfaceReader:
             errors = self._depth_share, reading.depth, np.stack(systematic)
             sigma_depth = together(self._scale, of_frame, *errors)
             curl = self._drift.test(warp, reading, noise)
-            self.noise_mm = self._scale * of_frame
         if fit is not None:
             typical = fit.sigma_mm * float(np.sqrt(dot(self._scale2, island) / np.count_nonzero(island)))
             anchor = Anchor(fit.mode, self._grid.padded(fit.weights > 0.0, False), typical, fit.far_field_mm)
