@@ -32,7 +32,7 @@ def read(
     place = np.full(q.shape[:2], 100.5)
     mixed = mixture(warps, np.arange(len(warps)), weights, place, q, GRID.spacing_px, PERIOD_PX, kind)
     assert mixed.bias_px is not None
-    measured = compose(q, unmix(d, mixed.bias_px, GRID.spacing_px), GRID.spacing_px)
+    measured = compose(q, unmix(d, mixed.bias_px, GRID), GRID.spacing_px)
     return (measured - REST.q - truth) / LCD_PER_CAMERA, mixed
 
 

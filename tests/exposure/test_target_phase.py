@@ -9,6 +9,7 @@ from node_bench import panel, rest_warp
 from zeromethod.devices.protocols import Frame
 from zeromethod.exposure.pairing import Observation, PanelTiming, pair
 from zeromethod.exposure.presentation_log import PresentationLog
+from zeromethod.exposure.target_phase import Sight
 from zeromethod.pattern.stepping import shift_of
 
 REST = rest_warp(128)
@@ -29,7 +30,8 @@ def seen(
         log.record(round(1e9 * number * REFRESH_S), REST.q, None, None, shift_of(STEP, number))
     timing = PanelTiming.of(panel(scan=scan, latency_s=0.002 + late_s, **how))
     frame = Frame(np.zeros((1, 1)), round(1e9 * mid_s), round(1e9 * EXPOSURE_S), 0)
-    found = pair(log, frame, timing, REST.q, REST.grid, kind, blur)
+    sight = Sight.of(REST.q, REST.grid.period_px, kind == "checker", (timing.rows, timing.upwards), blur)
+    found = pair(log, frame, timing, REST.q, REST.grid, kind, sight)
     assert found is not None
     return found
 
@@ -73,10 +75,10 @@ def test_lateness_changes_the_phase_by_the_stated_rate():
 
 def test_a_checkers_carriers_have_the_sum_and_the_difference_of_the_phases():
     cosines, checker = seen(0.03 + 0.1).target, seen(0.03 + 0.1, "checker").target
-    both = np.angle(np.exp(1j * cosines.node_px(16) * 2 * np.pi / 16))
-    of_checker = np.angle(np.exp(1j * checker.node_px(16) * 2 * np.pi / 16))
+    p, m = np.moveaxis(checker.node_rad, -1, 0)
+    along = 0.5 * np.stack([p + m, p - m], axis=-1)
     # equal but for the mixing of two pictures, and for whole periods along u + v and u - v
-    apart = np.angle(np.exp(2j * (both - of_checker)))
+    apart = np.angle(np.exp(2j * (cosines.node_rad - along)))
     assert np.abs(apart).max() < 0.03
 
 

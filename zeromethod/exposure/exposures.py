@@ -9,6 +9,7 @@ from zeromethod.devices.protocols import Frame
 from zeromethod.exposure.delay import DelayWatch
 from zeromethod.exposure.pairing import Observation, PanelTiming, pair
 from zeromethod.exposure.presentation_log import PresentationLog
+from zeromethod.exposure.target_phase import Sight
 from zeromethod.warp.grid import NodeGrid
 
 
@@ -22,8 +23,8 @@ class Unpaired(enum.Enum):
 class Exposures:
     """Keeps the presentation log and the panel's timing, and pairs frames with what they saw.
 
-    delay: reads from coded strips when pictures were lit; None without strips, and `timing` holds. blur: of
-    the light, as `exposure.target_phase.Sight.of` takes it.
+    delay: reads from coded strips when pictures were lit; None without strips, and `timing` holds. sight: how
+    rows of a moving target are seen; None for single points, sharply.
     """
 
     def __init__(
@@ -32,12 +33,12 @@ class Exposures:
         timing: PanelTiming,
         target_kind: str,
         delay: DelayWatch | None = None,
-        blur: tuple[float, float] = (0.0, 0.0),
+        sight: Sight | None = None,
     ) -> None:
         self.timing = timing
         self.delay = delay
         self._grid = grid
-        self._kind, self._blur = target_kind, blur
+        self._kind, self._sight = target_kind, sight
         self.log = PresentationLog(grid.shape)
         """Every picture given to the panel is recorded here."""
 
@@ -52,5 +53,5 @@ class Exposures:
             self.timing = self.delay.timing
         if timing is None:
             return Unpaired.CONTRADICTED
-        observation = pair(self.log, frame, timing, known_q, self._grid, self._kind, self._blur)
+        observation = pair(self.log, frame, timing, known_q, self._grid, self._kind, self._sight)
         return Unpaired.NOT_LIT if observation is None else observation

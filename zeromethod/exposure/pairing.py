@@ -24,7 +24,7 @@ from zeromethod.arrays import Float, Ints
 from zeromethod.devices.protocols import Frame
 from zeromethod.exposure.mixture import Mixture, mixture
 from zeromethod.exposure.presentation_log import PresentationLog
-from zeromethod.exposure.target_phase import Sight, TargetPhase, carrier_turns
+from zeromethod.exposure.target_phase import Lit, Sight, TargetPhase, carrier_turns
 from zeromethod.rig.model import DisplaySpec
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.warp import Role, Warp
@@ -242,13 +242,13 @@ def pair(
     look_q: Float,
     grid: NodeGrid,
     kind: str,
-    blur: tuple[float, float] = (0.0, 0.0),
+    sight: Sight | None = None,
 ) -> Observation | None:
     """Observation of one frame; None when no picture of the log was fully lit before its exposure.
 
     look_q: (rows, cols, 2) where the nodes look on the panel, LCD px, to some tens of rows: the latest
-    estimate. kind: the target's. blur: as `Sight.of` takes it. Where only one picture was lit its warp is
-    returned as logged (a view): the usual case while the pattern does not change.
+    estimate. kind: the target's. sight: None for single points, seen sharply. Where only one picture was lit
+    its warp is returned as logged (a view): the usual case while the pattern does not change.
     """
     times = log.times_ns()
     if not len(times):
@@ -273,12 +273,14 @@ def pair(
     diagonal = kind == "checker"
     turns = carrier_turns(log.shifts(index), diagonal)
 
+    def late_per_s() -> Float:
+        return late_weights_per_s(times[first:stop], not alone, frame, timing)[kept]
+
     def target(shown_q: Float) -> TargetPhase | None:
         if not turns.any():
             return None
-        late = late_weights_per_s(times[first:stop], not alone, frame, timing)[kept]
-        sight = Sight.of(shown_q, grid.period_px, diagonal, (timing.rows, timing.upwards), blur)
-        return TargetPhase.of(turns, diagonal, weights, late, sight, shown_q[..., 1])
+        by = sight or Sight(timing.rows, timing.upwards, 0.0, np.zeros(2))
+        return TargetPhase.of(Lit(turns, weights, late_per_s), diagonal, by, shown_q)
 
     if len(kept) == 1:
         shown = Warp.drawn(log.warp(int(index[0])), Role.SHOWN, frame.time_ns)

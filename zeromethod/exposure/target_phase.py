@@ -16,6 +16,7 @@ changes on its way is displaced by it: it is seen as Z + i s^2 (k . grad n) dZ/d
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -47,7 +48,7 @@ class Sight(NamedTuple):
     def of(
         cls, q: Float, period_px: int, diagonal: bool, panel: tuple[int, bool], blur: tuple[float, float]
     ) -> Sight:
-        """Sight by a warp.
+        """Sight by the warp at rest; what a press changes of it is of no account.
 
         q: (rows, cols, 2) LCD px at nodes half a period apart. diagonal: the carriers are. panel: its rows,
         and whether it is scanned upwards. blur: variances, of lens and pixel in camera px^2 and of the lit
@@ -66,131 +67,209 @@ class Sight(NamedTuple):
         return cls(*panel, window_rows, 2 * np.pi / period_px * axes @ spread)
 
 
+class Lit(NamedTuple):
+    """The light of one exposure, picture by picture.
+
+    turns: (k, 2) rad, each picture's phase along the two carriers. weights: (k, n) share of each at n panel
+    rows, equally spaced in scan-out order. late_per_s: makes their change per second of lateness.
+    """
+
+    turns: Float
+    weights: Float
+    late_per_s: Callable[[], Float]
+
+
 @dataclass(frozen=True, slots=True)
 class TargetPhase:
     """Phase of the target's two carriers, along u and v (of a checker: along u + v and u - v).
 
+    What lateness changes is worked out when it is asked for: no command waits for it.
+
     Convention: of a mirror at rest the camera sees a carrier as cos(2 pi u / P + rad), so `rad` is to be
-    taken out of what was demodulated. rad: (n, 2) at n panel rows, equally spaced in scan-out order, rad.
-    contrast: (n, 2) share of the carrier's amplitude that is left, 0..1. late_rad_per_s: (n, 2) change of
-    `rad` per second by which all was lit later than assumed. rows: of the panel. upwards: it is scanned from
-    its last row on. diagonal: whether it is a checker's. node_rad, node_contrast, node_late_rad_per_s: (rows,
-    cols, 2) the same where each node looks on the shown warp, in the mean over the sensing window.
+    taken out of what was demodulated. whole: (n, 4) at n panel rows, equally spaced in scan-out order: rad of
+    the two carriers, and share of their amplitude that is left, 0..1. windowed: the same in the mean over the
+    sensing window. diagonal: whether they are a checker's. at_nodes: (rows, cols, 4) of `windowed` where each
+    node looks on the shown warp: rad, and 1 / share. place: (rows, cols) the row of n there.
     """
 
-    rad: Float
-    contrast: Float
-    late_rad_per_s: Float
-    rows: int
-    upwards: bool
+    whole: Float
+    windowed: Float
     diagonal: bool
-    node_rad: Float
-    node_contrast: Float
-    node_late_rad_per_s: Float
+    at_nodes: Float
+    place: Float
+    lit: Lit
+    sight: Sight
 
     @classmethod
-    def of(
-        cls,
-        turns: Float,
-        diagonal: bool,
-        weights: Float,
-        late_per_s: Float,
-        sight: Sight,
-        node_rows: Float,
-    ) -> TargetPhase:
-        """Phase by the pictures lit.
+    def of(cls, lit: Lit, diagonal: bool, sight: Sight, shown_q: Float) -> TargetPhase:
+        """Phase by the pictures lit, whose carriers are diagonal or not.
 
-        turns: (k, 2) rad, each picture's phase along the two carriers, which are diagonal or not. weights,
-        late_per_s: (k, n) share of each, and its change per second of lateness. node_rows: (rows, cols) LCD
-        rows at which the nodes look.
+        shown_q: (rows, cols, 2) LCD px at which the nodes look.
         """
-        rows = weights.shape[1]
-        both = (np.concatenate([weights, late_per_s], axis=1).T @ np.exp(1j * turns)).reshape(2, rows, 2)
-        panel, per_row = (sight.rows, sight.upwards), (rows - 1) / (sight.rows - 1)
-        both += 1j * sight.blur_rows * (-per_row if sight.upwards else per_row) * _gradient(both)
-        whole, of_nodes = _polar(both), _polar(_averaged(both, _window(sight.window_rows * per_row)))
-        at_nodes = _at(of_nodes, node_rows, *panel)
-        rad, contrast, late = whole
-        return cls(rad, contrast, late, *panel, diagonal, at_nodes[0], at_nodes[1], at_nodes[2])
+        count = lit.weights.shape[1]
+        whole, windowed = np.empty((count, 4)), np.empty((count, 4))
+        per_row = (count - 1) / (sight.rows - 1)
+        blur, reach = _signed_blur(sight, per_row), sight.window_rows * per_row
+        _fill_tables(lit.weights, np.exp(1j * lit.turns), blur, reach, whole, windowed)
+        shape = shown_q.shape[:2]
+        at_nodes, place = np.empty((*shape, 4)), np.empty(shape)
+        _look_up(windowed, shown_q, per_row, sight.upwards, at_nodes, place)
+        return cls(whole, windowed, diagonal, at_nodes, place, lit, sight)
 
-    def node_px(self, period_px: float) -> Float:
-        """(rows, cols, 2) camera px: the phase at the nodes as a displacement along u and v."""
-        carriers = period_px / (2 * math.pi) * self.node_rad
-        if not self.diagonal:
-            return carriers
-        p, m = carriers[..., 0], carriers[..., 1]
-        return 0.5 * np.stack([p + m, p - m], axis=-1)
+    @property
+    def rad(self) -> Float:
+        """(n, 2) at the panel rows, rad."""
+        return self.whole[:, :2]
+
+    @property
+    def contrast(self) -> Float:
+        """(n, 2) share of the carrier's amplitude that is left, 0..1."""
+        return self.whole[:, 2:]
+
+    @property
+    def late_rad_per_s(self) -> Float:
+        """(n, 2) change of `rad` per second by which all was lit later than assumed."""
+        return self._late(0.0)
+
+    @property
+    def node_rad(self) -> Float:
+        """(rows, cols, 2) as `rad`, where each node looks, in the mean over the sensing window."""
+        return self.at_nodes[..., :2]
+
+    @property
+    def node_contrast(self) -> Float:
+        """(rows, cols, 2) as `contrast`, where each node looks, in the mean over the sensing window."""
+        return 1.0 / self.at_nodes[..., 2:]
+
+    @property
+    def node_late_rad_per_s(self) -> Float:
+        """(rows, cols, 2) as `late_rad_per_s`, where each node looks, in the mean over the sensing window."""
+        return _at(self._late(self.sight.window_rows), self.place)
+
+    def _late(self, window_rows: float) -> Float:
+        per_row = (len(self.whole) - 1) / (self.sight.rows - 1)
+        shares, blur = (self.lit.weights, self.lit.late_per_s()), _signed_blur(self.sight, per_row)
+        return _late_rates(*shares, np.exp(1j * self.lit.turns), blur, window_rows * per_row)
 
     def at(self, panel_rows: Float) -> tuple[Float, Float, Float]:
         """(rad, contrast, late_rad_per_s) at LCD rows of any shape (...), each (..., 2)."""
-        table = np.stack([self.rad, self.contrast, self.late_rad_per_s])
-        rows = np.atleast_2d(np.asarray(panel_rows, dtype=np.float64))
-        found = _at(table, rows.reshape(1, -1), self.rows, self.upwards)
-        rad, contrast, late = found.reshape(3, *np.shape(panel_rows), 2)
+        last = len(self.whole) - 1
+        place = np.asarray(np.clip(panel_rows * (last / (self.sight.rows - 1)), 0.0, last))
+        place = last - place if self.sight.upwards else place
+        rad, contrast, late = (_at(one, place) for one in (self.rad, self.contrast, self.late_rad_per_s))
         return rad, contrast, late
 
 
-def _polar(both: Complex) -> Float:
-    """(3, n, 2) of rad, contrast, late_rad_per_s, by (2, n, 2) phasors and their change per s of lateness."""
-    total, change = both
-    out = np.empty((3, *total.shape))
-    out[0] = np.angle(total)
-    turns = np.rint(np.diff(out[0], axis=0) / (2 * np.pi))
-    if turns.any():
-        out[0, 1:] -= 2 * np.pi * np.cumsum(turns, axis=0)
-    np.maximum(np.abs(total), LEAST_CONTRAST, out=out[1])
-    out[2] = (change * total.conj()).imag / out[1] ** 2
-    return out
+def _signed_blur(sight: Sight, per_row: float) -> Float:
+    """(2,) of the sight, in rows of a table in scan-out order."""
+    return sight.blur_rows * (-per_row if sight.upwards else per_row)
 
 
-def _gradient(values: Complex) -> Complex:
-    """(k, n, 2) change from row to row."""
-    out = np.empty_like(values)
-    step = values[:, 1:] - values[:, :-1]
-    out[:, 0], out[:, -1] = step[:, 0], step[:, -1]
-    out[:, 1:-1] = 0.5 * (step[:, 1:] + step[:, :-1])
-    return out
-
-
-def _window(reach: float) -> Float:
-    """Weights of the sensing window, a triangle that reaches so many rows of a table to either side."""
-    # of that variance when sampled at whole rows
-    sampled = math.hypot(reach, 1.0)
-    rows = np.arange(-math.floor(sampled), math.floor(sampled) + 1)
-    weights = sampled - np.abs(rows)
-    return np.asarray(weights / weights.sum())
-
-
-def _averaged(phasors: Complex, window: Float) -> Complex:
-    """(k, n, 2) averaged over a window of rows; beyond the panel as in its last row."""
-    half, rows = len(window) // 2, phasors.shape[1]
-    padded = phasors[:, np.clip(np.arange(-half, rows + half), 0, rows - 1)]
-    averaged = np.zeros_like(phasors)
-    for k, weight in enumerate(window):
-        averaged += weight * padded[:, k : k + rows]
-    return averaged
-
-
-def _at(table: Float, panel_rows: Float, rows: int, upwards: bool) -> Float:
-    """(quantities, rows, cols, 2) of a (quantities, n, 2) table at LCD rows (rows, cols)."""
-    out = np.empty((table.shape[0], *panel_rows.shape, 2))
-    _interpolate(table, panel_rows, (table.shape[1] - 1) / (rows - 1), upwards, out)
+@numba.njit(cache=True)
+def _phasors(shares: Float, waves: Complex, blur: Float) -> Complex:
+    """(n, 2) Z of the module, by shares (k, n) of waves (k, 2)."""
+    rows = shares.shape[1]
+    sharp, out = np.zeros((rows, 2), np.complex128), np.empty((rows, 2), np.complex128)
+    for k in range(shares.shape[0]):
+        for n in range(rows):
+            sharp[n, 0] += shares[k, n] * waves[k, 0]
+            sharp[n, 1] += shares[k, n] * waves[k, 1]
+    for n in range(rows):
+        before, after = max(n - 1, 0), min(n + 1, rows - 1)
+        for c in range(2):
+            out[n, c] = sharp[n, c] + 1j * blur[c] * (sharp[after, c] - sharp[before, c]) / (after - before)
     return out
 
 
 @numba.njit(cache=True)
-def _interpolate(table: Float, panel_rows: Float, per_row: float, upwards: bool, out: Float) -> None:
-    last = table.shape[1] - 1
-    for j in range(panel_rows.shape[0]):
-        for i in range(panel_rows.shape[1]):
-            x = panel_rows[j, i] * per_row
-            x = min(max(x, 0.0), float(last)) if math.isfinite(x) else 0.0
+def _averaged(phasors: Complex, reach: float) -> Complex:
+    """(n, 2) averaged over the sensing window, a triangle that reaches so many rows to either side.
+
+    Beyond the panel as in its last row.
+    """
+    rows = phasors.shape[0]
+    out = np.zeros_like(phasors)
+    sampled = math.hypot(reach, 1.0)  # of that variance when sampled at whole rows
+    half = int(sampled)
+    total = 0.0
+    for k in range(-half, half + 1):
+        total += sampled - abs(k)
+    for k in range(-half, half + 1):
+        weight = (sampled - abs(k)) / total
+        for n in range(rows):
+            m = min(max(n + k, 0), rows - 1)
+            out[n, 0] += weight * phasors[m, 0]
+            out[n, 1] += weight * phasors[m, 1]
+    return out
+
+
+@numba.njit(cache=True)
+def _fill_polar(phasors: Complex, out: Float) -> None:
+    """Phases, without leaps from row to row, and lengths (n, 4) of phasors (n, 2)."""
+    for n in range(phasors.shape[0]):
+        for c in range(2):
+            z = phasors[n, c]
+            angle = math.atan2(z.imag, z.real)
+            if n > 0:
+                angle -= 2 * math.pi * np.rint((angle - out[n - 1, c]) / (2 * math.pi))
+            out[n, c], out[n, 2 + c] = angle, max(math.sqrt(z.real**2 + z.imag**2), LEAST_CONTRAST)
+
+
+@numba.njit(cache=True)
+def _fill_tables(
+    weights: Float, waves: Complex, blur: Float, reach: float, whole: Float, windowed: Float
+) -> None:
+    phasors = _phasors(weights, waves, blur)
+    _fill_polar(phasors, whole)
+    _fill_polar(_averaged(phasors, reach), windowed)
+
+
+@numba.njit(cache=True)
+def _late_rates(weights: Float, late_per_s: Float, waves: Complex, blur: Float, reach: float) -> Float:
+    """(n, 2) change of the phase per second of lateness, over a window that reaches so far."""
+    total = _averaged(_phasors(weights, waves, blur), reach)
+    change = _averaged(_phasors(late_per_s, waves, blur), reach)
+    out = np.empty((len(total), 2))
+    for n in range(len(total)):
+        for c in range(2):
+            length = max(abs(total[n, c]), LEAST_CONTRAST)
+            out[n, c] = (change[n, c] * total[n, c].conjugate()).imag / (length * length)
+    return out
+
+
+@numba.njit(cache=True, fastmath={"contract", "reassoc"})
+def _look_up(table: Float, q: Float, per_row: float, upwards: bool, out: Float, place: Float) -> None:
+    """Phases and 1 / contrast of a table (n, 4) where nodes look, (rows, cols, 4), and its rows there."""
+    last = table.shape[0] - 1
+    inverse = table.copy()
+    for n in range(last + 1):
+        inverse[n, 2], inverse[n, 3] = 1.0 / table[n, 2], 1.0 / table[n, 3]
+    for j in range(q.shape[0]):
+        for i in range(q.shape[1]):
+            x = min(max(q[j, i, 1] * per_row, 0.0), float(last))
             x = last - x if upwards else x
-            n = min(int(x), last - 1)
-            t = x - n
-            for k in range(table.shape[0]):
-                for c in range(2):
-                    out[k, j, i, c] = (1.0 - t) * table[k, n, c] + t * table[k, n + 1, c]
+            before = np.uintp(min(int(x), last - 1))
+            after = before + np.uintp(1)
+            t = x - float(before)
+            place[j, i] = x
+            for k in range(4):
+                out[j, i, k] = inverse[before, k] + t * (inverse[after, k] - inverse[before, k])
+
+
+def _at(table: Float, place: Float) -> Float:
+    """(..., 2) of a table (n, 2) at its rows (...)."""
+    out = np.empty((place.size, 2))
+    _interpolate(table, place.ravel(), out)
+    return out.reshape(*place.shape, 2)
+
+
+@numba.njit(cache=True)
+def _interpolate(table: Float, place: Float, out: Float) -> None:
+    for i in range(place.size):
+        n = min(int(place[i]), table.shape[0] - 2)
+        t = place[i] - n
+        out[i, 0] = table[n, 0] + t * (table[n + 1, 0] - table[n, 0])
+        out[i, 1] = table[n, 1] + t * (table[n + 1, 1] - table[n, 1])
 
 
 def carrier_turns(shifts: Float, diagonal: bool) -> Float:

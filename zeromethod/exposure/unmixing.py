@@ -7,7 +7,9 @@ import math
 import numba
 import numpy as np
 
-from zeromethod.arrays import Float
+from zeromethod.arrays import Float, Single
+from zeromethod.exposure.target_phase import TargetPhase
+from zeromethod.warp.grid import NodeGrid
 
 NO_BIAS_PX = 2e-3
 """Bias, a fifth of the noise, below which it is not interpolated at (u, v) + d."""
@@ -17,65 +19,92 @@ NEAR_PX = 0.05
 
 
 @numba.njit(cache=True)
-def _less(d: Float, bias: Float, out: Float) -> bool:
-    """Take its bias out of a row of nodes (cols, 2); whether all of that is negligible."""
-    large = 0
+def _less(d: Float, bias: Float, near_px: float, out: Float) -> bool:
+    """Take its bias out of a row of nodes (cols, 2); whether that is all there is to do."""
+    more = 0
     for i in range(d.shape[0]):
-        bu, bv = bias[i, 0], bias[i, 1]
-        out[i, 0], out[i, 1] = d[i, 0] - bu, d[i, 1] - bv
-        large += abs(bu) + abs(bv) > NO_BIAS_PX
-    return large == 0
+        du, dv, bu, bv = d[i, 0], d[i, 1], bias[i, 0], bias[i, 1]
+        out[i, 0], out[i, 1] = du - bu, dv - bv
+        more += (abs(bu) + abs(bv) > NO_BIAS_PX) | (abs(du) + abs(dv) > near_px)
+    return more == 0
+
+
+@numba.njit(cache=True, inline="always")
+def _displaced(rad: Float, px_per_rad: float, diagonal: bool) -> tuple[float, float]:
+    """(u, v) camera px: phases of the two carriers (2,) as a displacement."""
+    a, b = px_per_rad * rad[0], px_per_rad * rad[1]
+    return (0.5 * (a + b), 0.5 * (a - b)) if diagonal else (a, b)
 
 
 @numba.njit(cache=True)
-def _unmix(d: Float, bias: Float, base: Float, per_px: float, out: Float) -> None:
+def _unmix(
+    d: Float, bias: Float, rad: Float, px_per_rad: float, diagonal: bool, per_px: float, out: Float
+) -> None:
+    """Fill `out` with what `unmix` returns. rad: (0, 0, 2) of a target that stands."""
     rows, cols = d.shape[0], d.shape[1]
+    moving = rad.shape[0] > 0
+    near_px = NEAR_PX if moving else math.inf
     for j in range(rows):
-        if base.shape[0] == 0 and _less(d[j], bias[j], out[j]):
+        if _less(d[j], bias[j], near_px, out[j]):
             continue
         for i in range(cols):
-            ou, ov = 0.0, 0.0
+            du, dv = d[j, i, 0], d[j, i, 1]
             bu, bv = bias[j, i, 0], bias[j, i, 1]
-            steps = 3 if abs(bu) + abs(bv) > NO_BIAS_PX else 0
-            if base.shape[0] > 0:
-                ou, ov = base[j, i, 0], base[j, i, 1]
-                bu, bv = bu - ou, bv - ov
-                near = abs(d[j, i, 0]) + abs(d[j, i, 1]) <= NEAR_PX
-                steps = 0 if near and abs(bu) + abs(bv) <= NO_BIAS_PX else 3
-            for _ in range(steps):
-                x = i + per_px * (d[j, i, 0] - bu)
-                y = j + per_px * (d[j, i, 1] - bv)
+            if abs(bu) + abs(bv) <= NO_BIAS_PX and abs(du) + abs(dv) <= near_px:
+                continue
+            ou, ov = _displaced(rad[j, i], px_per_rad, diagonal) if moving else (0.0, 0.0)
+            for _ in range(3):
+                x = i + per_px * (du - bu)
+                y = j + per_px * (dv - bv)
                 # positions outside the grid are clipped to its edge, NaN to node 0
                 x = min(max(x, 0.0), cols - 1.001) if math.isfinite(x) else 0.0
                 y = min(max(y, 0.0), rows - 1.001) if math.isfinite(y) else 0.0
                 m, n = int(x), int(y)
                 s, t = x - m, y - n
-                w00, w01, w10, w11 = (1 - s) * (1 - t), s * (1 - t), (1 - s) * t, s * t
-                u = w00 * bias[n, m, 0] + w01 * bias[n, m + 1, 0] - ou
-                u += w10 * bias[n + 1, m, 0] + w11 * bias[n + 1, m + 1, 0]
-                v = w00 * bias[n, m, 1] + w01 * bias[n, m + 1, 1] - ov
-                v += w10 * bias[n + 1, m, 1] + w11 * bias[n + 1, m + 1, 1]
+                u, v = -ou, -ov
+                for corner in range(4):
+                    right, below = corner & 1, corner >> 1
+                    weight = (s if right else 1 - s) * (t if below else 1 - t)
+                    u += weight * bias[n + below, m + right, 0]
+                    v += weight * bias[n + below, m + right, 1]
+                    if moving:
+                        tu, tv = _displaced(rad[n + below, m + right], px_per_rad, diagonal)
+                        u += weight * tu
+                        v += weight * tv
                 settled = abs(u - bu) + abs(v - bv) < 1e-3
                 bu, bv = u, v
                 if settled:
                     break
-            out[j, i, 0] = d[j, i, 0] - bu
-            out[j, i, 1] = d[j, i, 1] - bv
+            out[j, i, 0] = du - bu
+            out[j, i, 1] = dv - bv
 
 
 _STILL = np.zeros((0, 0, 2))
 
 
-def unmix(d: Float, bias_px: Float, spacing_px: float, target_px: Float | None = None) -> Float:
+def unmix(d: Float, bias_px: Float, grid: NodeGrid, target: TargetPhase | None = None) -> Float:
     """Residual against the mix from the sensor's, (rows, cols, 2) camera px: d - b((u, v) + d).
 
     At most three steps of fixed-point iteration, b linear between nodes; a negligible bias is the node's own.
-    target_px: (rows, cols, 2) camera px, displacement of a moving target at each node (u, v), which the
-    sensor has taken out of d there; the one at (u, v) + d is what belongs to it.
+    target: that moves, whose phase at each node (u, v) the sensor has taken out of d there; the one at
+    (u, v) + d is what belongs to it.
     """
     out = np.empty_like(d)
-    if target_px is None:
-        _unmix(d, bias_px, _STILL, 1 / spacing_px, out)
-    else:
-        _unmix(d, bias_px + target_px, target_px, 1 / spacing_px, out)
+    rad, diagonal = (_STILL, False) if target is None else (target.node_rad, target.diagonal)
+    _unmix(d, bias_px, rad, grid.period_px / (2 * math.pi), diagonal, 1 / grid.spacing_px, out)
+    return out
+
+
+@numba.njit(cache=True)
+def _gained(modulation: Single, at_nodes: Float, out: Single) -> None:
+    for j in range(out.shape[0]):
+        for i in range(out.shape[1]):
+            out[j, i, 0] = modulation[j, i, 0] * at_nodes[j, i, 2]
+            out[j, i, 1] = modulation[j, i, 1] * at_nodes[j, i, 3]
+
+
+def at_full_contrast(modulation: Single, target: TargetPhase) -> Single:
+    """Modulation (rows, cols, 2) that the nodes would have if the target stood."""
+    out = np.empty_like(modulation)
+    _gained(modulation, target.at_nodes, out)
     return out

@@ -11,6 +11,7 @@ from zeromethod.exposure.delay import DelayWatch
 from zeromethod.exposure.exposures import Exposures
 from zeromethod.exposure.pairing import PanelTiming
 from zeromethod.exposure.strip_reading import StripReader, find_strips
+from zeromethod.exposure.target_phase import Sight
 from zeromethod.loop.burst import Burst
 from zeromethod.loop.circle import Circle, Sensor, controller_of
 from zeromethod.loop.order_check import OrderCheck
@@ -62,14 +63,16 @@ def make_circle(
     sensor = sensor or ResidualSensor.from_rig(rig, rest.grid, target.light, covered)
     light = (LampLight if rig.light.by_mirror else ExpectedLight)(optics, rest)
     timing = PanelTiming.of(rig.display)
+    panel, diagonal = (timing.rows, timing.upwards), rig.target.kind == "checker"
+    spread = rig.camera.psf_px**2 + 1 / 12, rig.display.fill_factor[1] ** 2 / 12
+    sight = Sight.of(rest.q, rest.grid.period_px, diagonal, panel, spread)
 
     def circle() -> Circle:
         watch = None
         if strips is not None:
             reader = StripReader(strips, rest.grid.image_shape, rig.camera.noise, rig.camera.bits)
             watch = DelayWatch(reader, timing, rig.display.refresh_hz)
-        spread = rig.camera.psf_px**2 + 1 / 12, rig.display.fill_factor[1] ** 2 / 12
-        exposures = Exposures(rest.grid, timing, rig.target.kind, watch, spread)
+        exposures = Exposures(rest.grid, timing, rig.target.kind, watch, sight)
         controller = controller_of(rig.control, rest)
         black_grey = rig.camera.noise.black_grey
         blur = PanelBlur(rig, rest.grid)

@@ -17,7 +17,7 @@ import numpy as np
 
 from zeromethod.arrays import Flags, Float, Mask
 from zeromethod.exposure.pairing import Observation
-from zeromethod.exposure.unmixing import unmix
+from zeromethod.exposure.unmixing import at_full_contrast, unmix
 from zeromethod.loop.light_hold import LightHold
 from zeromethod.loop.panel_blur import PanelBlur
 from zeromethod.sensing.residual import Residual
@@ -144,11 +144,10 @@ def unmixed(residual: Residual, observation: Observation, grid: NodeGrid) -> Res
     mixture, target = observation.mixture, observation.target
     if mixture is None or mixture.bias_px is None:
         return residual
+    d = unmix(residual.d, mixture.bias_px, grid, target)
     if target is None:
-        return replace(residual, d=unmix(residual.d, mixture.bias_px, grid.spacing_px))
-    d = unmix(residual.d, mixture.bias_px, grid.spacing_px, target.node_px(grid.period_px))
-    modulation = np.divide(residual.modulation, target.node_contrast, dtype=np.float32)
-    return replace(residual, d=d, modulation=modulation)
+        return replace(residual, d=d)
+    return replace(residual, d=d, modulation=at_full_contrast(residual.modulation, target))
 
 
 def order_in_doubt(valid: Mask, trusted: Mask) -> Mask | None:

@@ -8,6 +8,7 @@ fail.
 
 from __future__ import annotations
 
+import numba
 import numpy as np
 
 from zeromethod.arrays import Flags, Ints, Mask
@@ -25,23 +26,41 @@ class UnsteadyNodes:
     """Counts the failures of nodes (rows, cols) from frame to frame."""
 
     def __init__(self, shape: tuple[int, ...]) -> None:
-        self._valid: Mask = np.zeros(shape, bool)
+        self._valid, self._failed = np.zeros(shape, np.bool_), np.zeros(shape, np.bool_)
         self._failures: Ints = np.zeros(shape, np.int64)
         self._since_ns: Ints = np.zeros(shape, np.int64)
         self._until_ns: Ints = np.zeros(shape, np.int64)
+        self._last_ns = 0
 
     def learn(self, flags: Flags, time_ns: int) -> Mask | None:
         """Take in a frame's flags; (rows, cols) nodes to be followed slowly, None for none."""
-        failed = self._valid & (flags != 0) & (flags & _NOT_THE_WINDOW == 0)
-        self._valid = flags == 0
-        if failed.any():
+        if _fails(self._valid, flags, self._failed):
+            failed = self._failed
             late = time_ns - self._since_ns > 1e9 * WITHIN_S
             self._failures[failed & late] = 0
             self._since_ns[failed & (self._failures == 0)] = time_ns
             self._failures[failed] += 1
-            self._until_ns[failed & (self._failures >= FAILURES)] = time_ns + round(1e9 * KEPT_S)
+            again = failed & (self._failures >= FAILURES)
+            if again.any():
+                self._last_ns = time_ns + round(1e9 * KEPT_S)
+                self._until_ns[again] = self._last_ns
+        if self._last_ns <= time_ns:
+            return None
         unsteady = self._until_ns > time_ns
-        return _with_neighbours(unsteady) if unsteady.any() else None
+        return _with_neighbours(unsteady)
+
+
+@numba.njit(cache=True)
+def _fails(valid: Mask, flags: Flags, failed: Mask) -> bool:
+    """Mark what was valid and fails by itself, and what is valid now; whether any fails."""
+    count = 0
+    for j in range(flags.shape[0]):
+        for i in range(flags.shape[1]):
+            now = flags[j, i] == 0
+            fails = valid[j, i] and not now and flags[j, i] & _NOT_THE_WINDOW == 0
+            failed[j, i], valid[j, i] = fails, now
+            count += fails
+    return count > 0
 
 
 def _with_neighbours(nodes: Mask) -> Mask:

@@ -164,15 +164,15 @@ def _read_phases(
             flags[row, col] = flags_of(max(su, sv), min(au, av), light, rest, over, scales)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, fastmath=FAST)
 def take_out(d: Float, target_rad: Float, period: float) -> None:
     """Take a target's known phase (rows, cols, 2) along its carriers out of wrapped displacements, px.
 
     They stay within +-P/2.
     """
-    px_per_rad = period / (2 * math.pi)
+    px_per_rad, per_px = period / (2 * math.pi), 1 / period
     for row in range(PADDING, d.shape[0] - PADDING):
         for col in range(PADDING, d.shape[1] - PADDING):
             for k in range(2):
                 apart = d[row, col, k] - px_per_rad * target_rad[row, col, k]
-                d[row, col, k] = apart - period * np.rint(apart / period)
+                d[row, col, k] = apart - period * np.rint(per_px * apart)
