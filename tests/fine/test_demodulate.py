@@ -8,6 +8,7 @@ from zeromethod.fine.lateness import lateness
 from zeromethod.rig.model import Noise
 
 SHAPE, PERIOD = (96, 256), 16
+SCAN = np.linspace(-0.5, 0.5, SHAPE[0])
 K = 2 * np.pi / PERIOD
 
 
@@ -28,7 +29,7 @@ def images_of(
     v, u = np.mgrid[: SHAPE[0], : SHAPE[1]]
     out = []
     for one, late in zip(steps, late_s, strict=True):
-        phase = one.phase_rad + late * one.per_late_rad
+        phase = one.phase_rad + np.atleast_1d(late)[:, None] * one.per_late_rad
         light = 120 + 50 * one.contrast[:, :1] * np.cos(K * (u + d[..., 0]) + phase[:, :1])
         light += 50 * one.contrast[:, 1:] * np.cos(K * (v + d[..., 1]) + phase[:, 1:])
         out.append(np.rint(light + noise * rng.standard_normal(SHAPE)).astype(np.uint8))
@@ -75,9 +76,9 @@ def test_phases_that_do_not_determine_a_pixel_are_refused():
 def test_pictures_that_came_late_are_found_and_taken_out():
     steps, late_s = to_and_fro(24), 1e-4 * (1 + np.random.default_rng(2).standard_normal(24))
     images, noise = images_of(steps, planted(), 0.5, late_s), Noise()
-    found_s = lateness(images, steps, Design.of(steps), 0.6)
+    found_s = lateness(images, steps, Design.of(steps), 0.6, SCAN)
     # 3,000 px at 0.6 grey of 50, 24 and 47 rad/s: 6 us, some times that where unknowns are in the way
-    np.testing.assert_allclose(found_s, late_s, atol=6e-5)
+    np.testing.assert_allclose(found_s.mean(axis=1), late_s, atol=6e-5)
     left, found = (
         (demodulate(images, Design.of(steps, late), PERIOD, noise).d - planted()).mean(axis=(0, 1))
         for late in (None, found_s)
@@ -88,11 +89,28 @@ def test_pictures_that_came_late_are_found_and_taken_out():
     assert np.abs(found).max() < 8e-4
 
 
+def test_rows_that_are_scanned_more_slowly_than_assumed_are_found():
+    steps, late_s = to_and_fro(24), 1e-3 * (0.5 + np.tile(SCAN, (24, 1)))
+    images, noise = images_of(steps, planted(), 0.5, late_s), Noise()
+    found_s = lateness(images, steps, Design.of(steps), 0.6, SCAN)
+    # as above in the mean over rows; over the panel 3.5 times the mean's noise, of 24 frames together
+    np.testing.assert_allclose(found_s - found_s.mean(axis=0), 0.0, atol=1e-4)
+    np.testing.assert_allclose(np.ptp(found_s.mean(axis=0)), 1e-3, atol=4e-5)
+    left, found = (
+        (demodulate(images, Design.of(steps, late), PERIOD, noise).d - planted()).mean(axis=1)
+        for late in (None, found_s)
+    )
+    # 1 ms is 0.06 and 0.12 px in a frame; 24 of them, to and fro, leave some of it
+    assert np.ptp(left, axis=0).max() > 1e-2
+    # a row's 256 pixels of 0.5 grey in 24 frames are known to 0.5 mpx, and each lateness to 1 mpx
+    assert np.abs(found).max() < 4e-3
+
+
 def test_carriers_that_turn_together_hide_what_came_late():
     steps = to_and_fro(32, late_turn=0)
     late_s = 1e-4 * np.sign([one.per_late_rad[0, 0] for one in steps])
     images = images_of(steps, planted(), 0.0, late_s)
-    found_s = lateness(images, steps, Design.of(steps), 0.3)
+    found_s = lateness(images, steps, Design.of(steps), 0.3, SCAN)
     assert np.abs(found_s).max() < 2e-5
 
 

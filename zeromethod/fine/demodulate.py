@@ -53,12 +53,13 @@ class Design:
 
     @classmethod
     def of(cls, steps: Sequence[Steps], late_s: Float | None = None) -> Design:
-        """Of the frames' phases; late_s: (N,) by which each frame's pictures came late.
+        """Of the frames' phases; late_s: (N, rows) by which each frame's pictures came late.
 
         Raises InputError where the phases do not determine the five unknowns.
         """
-        late = np.zeros(len(steps)) if late_s is None else late_s
-        phase = np.stack([s.phase_rad + x * s.per_late_rad for s, x in zip(steps, late, strict=True)], axis=1)
+        late = np.zeros((len(steps), 1)) if late_s is None else late_s
+        phases = (s.phase_rad + x[:, None] * s.per_late_rad for s, x in zip(steps, late, strict=True))
+        phase = np.stack(list(phases), axis=1)
         wave = np.stack([s.contrast for s in steps], axis=1) * np.exp(1j * phase)
         one = np.ones(phase.shape[:2])
         u, v = wave[..., 0], wave[..., 1]

@@ -62,12 +62,14 @@ class FrameSequence:
 
     steps: of every frame. shown: (rows, cols, 2) mean of the shown warps, LCD px. bending: (rows, cols, 2, 2)
     its Jacobian. apart: (N, rows, cols, 2) camera px, what a node's displacement differs by beyond its row's.
+    scan: (image rows,) LCD rows at which image rows look, from -0.5 to 0.5.
     """
 
     steps: list[Steps]
     shown: Float
     bending: Float
     apart: Float
+    scan: Float
 
     @classmethod
     def of(cls, frames: Iterable[FineFrame], grid: NodeGrid) -> FrameSequence:
@@ -86,7 +88,9 @@ class FrameSequence:
             others = (one[:, inner].mean(axis=1) for one in (frame.node_contrast, frame.node_late_rad_per_s))
             fields = ([np.interp(v, grid.v_px, m[:, k]) for k in (0, 1)] for m in (mean, *others))
             steps.append(Steps(*(np.stack(one, axis=-1) for one in fields)))
-        return cls(steps, shown, bending, (rad - of_row[:, :, None]) / rad_per_px)
+        looked = np.interp(v, grid.v_px, shown[:, inner, 1].mean(axis=1))
+        scan = (looked - looked.mean()) / max(float(np.ptp(looked)), 1e-9)
+        return cls(steps, shown, bending, (rad - of_row[:, :, None]) / rad_per_px, scan)
 
 
 def matvec(matrix: Float, vector: Float) -> Float:

@@ -4,6 +4,9 @@ A picture that comes late shifts the seen phases of a whole frame by a known pro
 that stays does not. What the fit of all frames leaves over says by how much each came late. A lateness whose
 sign changes with the steps' would look like a displacement, along u and along v; as the two carriers turn at
 different times, none does along both.
+
+Rows that are scanned more slowly than the rig file says come late in all frames alike, and more so the later
+their turn: a panel at 59.94 Hz in place of 60 is 17 us late in its last row.
 """
 
 from __future__ import annotations
@@ -50,13 +53,17 @@ def _products(images: Image, level: float, solution: Single, of_each: Float, of_
                 of_grey[row, k, t] = total
 
 
-def lateness(images: Sequence[Image], steps: Sequence[Steps], design: Design, noise_grey: float) -> Float:
-    """(N,) seconds by which each frame's pictures came late; 0 where the target did not step.
+def lateness(
+    images: Sequence[Image], steps: Sequence[Steps], design: Design, noise_grey: float, scan: Float
+) -> Float:
+    """(N, rows) seconds by which each frame's pictures came late; 0 where the target did not step.
 
-    images: (rows, cols) grey levels of each. design: of these steps as logged. noise_grey: of a pixel.
+    images: (rows, cols) grey levels of each. design: of these steps as logged. noise_grey: of a pixel. scan:
+    (rows,) places of the image's rows along the panel's columns, in a unit of their own.
     """
     count, level = len(steps), middle_grey(images)
-    normal, right = np.zeros((count, count)), np.zeros(count)
+    # of each frame's lateness, and of that which goes with the place
+    normal, right = np.zeros((2, 2, count, count)), np.zeros((2, count))
     for first in range(0, len(images[0]), BAND_ROWS):
         rows = slice(first, first + BAND_ROWS)
         band = np.stack([one[rows] for one in images])
@@ -70,25 +77,31 @@ def lateness(images: Sequence[Image], steps: Sequence[Steps], design: Design, no
         turned[..., 1::2] = per_late * basis[..., 2::2]
         turned[..., 2::2] = -per_late * basis[..., 1::2]
         left_over = np.eye(count) - basis @ solution
-        normal += ((turned @ of_each @ np.swapaxes(turned, 1, 2)) * left_over).sum(axis=0)
-        right += (turned * (np.swapaxes(of_grey, 1, 2) - basis @ of_each)).sum(axis=(0, 2))
+        of_row = (turned @ of_each @ np.swapaxes(turned, 1, 2)) * left_over
+        of_place = np.stack([np.ones(len(basis)), scan[rows]])
+        normal += np.einsum("ar,br,rst->abst", of_place, of_place, of_row)
+        right += of_place @ (turned * (np.swapaxes(of_grey, 1, 2) - basis @ of_each)).sum(axis=2)
     if not normal.any():
-        return right
-    return _likeliest(normal / noise_grey**2, right / noise_grey**2)
+        return np.zeros((count, len(scan)))
+    whole = np.block([[normal[0, 0], normal[0, 1].sum(axis=1, keepdims=True)],
+                      [normal[0, 1].sum(axis=0, keepdims=True), normal[1, 1].sum()]])  # fmt: skip
+    late = _likeliest(whole / noise_grey**2, np.append(right[0], right[1].sum()) / noise_grey**2)
+    return np.asarray(late[:-1, None] + late[-1] * scan)
 
 
 def _likeliest(normal: Float, right: Float) -> Float:
-    """Latenesses (N,), s, by normal equations in units of their noise.
+    """Latenesses (N,), and that of the last rows against the first, s, by normal equations over noise^2.
 
     All may be late by the same, and each by a jitter that the scatter beyond their noise says.
     """
-    count = len(right)
-    common = np.full((count, count), LIKELY_S**2)
+    count = len(right) - 1
+    likely, each = np.diag([*np.zeros(count), LIKELY_S**2]), np.diag([*np.ones(count), 0.0])
+    likely[:count, :count] = LIKELY_S**2
     jitter2 = LIKELY_S**2
     for _ in range(2):
-        prior = np.linalg.inv(common + jitter2 * np.eye(count))
-        covariance = np.linalg.inv(normal + prior)
+        covariance = np.linalg.inv(normal + np.linalg.inv(likely + jitter2 * each))
         late = covariance @ right
-        noise2 = float(np.trace(covariance) - covariance.sum() / count) / (count - 1)
-        jitter2 = max(float(late.var(ddof=1)) - noise2, 0.0) + _LEAST_JITTER_S**2
+        of_frames = covariance[:count, :count]
+        noise2 = float(np.trace(of_frames) - of_frames.sum() / count) / (count - 1)
+        jitter2 = max(float(late[:count].var(ddof=1)) - noise2, 0.0) + _LEAST_JITTER_S**2
     return np.asarray(late)

@@ -67,9 +67,9 @@ def read_nodes(
 ) -> NodeWindows:
     """Blend of the newest frame's nodes with the window means of the fit of all frames.
 
-    sequence, design: of the frames, whose pictures came late by late_s (N,). d, variance: (rows, cols, 2) of
-    the pixels between the nodes, camera px and px^2, of which `usable` (rows, cols) are; `standing`: whose
-    frames agree with each other.
+    sequence, design: of the frames, whose pictures came late by late_s (N, image rows). d, variance: (rows,
+    cols, 2) of the pixels between the nodes, camera px and px^2, of which `usable` (rows, cols) are;
+    `standing`: whose frames agree with each other.
     """
     grid, newest = lattice.grid, frames[-1].measured
     per_rad = grid.period_px / (2 * np.pi)
@@ -83,11 +83,12 @@ def read_nodes(
     fine = compose(shown, grid.padded(inner_d, np.nan), grid.spacing_px) + added_mean
     noise2 = np.mean([frame.measured.sigma**2 for frame in frames], axis=0)
     fine -= _remembered(shown - matvec(bending, excess), noise2, grid)
-    late_px = per_rad * np.stack([x * one.node_late_rad_per_s for x, one in zip(late_s, frames, strict=True)])
+    rows = np.clip(grid.v_px, 0, grid.image_shape[0] - 1).astype(int)
+    per_late = np.stack([frame.node_late_rad_per_s for frame in frames])
+    late_px = per_rad * late_s[:, rows, None, None] * per_late
     coarse = np.stack([frame.measured.q for frame in frames]) - matvec(bending, late_px)
     valid = np.logical_and.reduce([frame.measured.valid for frame in frames])
     across = np.asarray(np.linalg.inv(bending), np.float64)
-    rows = np.clip(grid.v_px, 0, grid.image_shape[0] - 1).astype(int)
     turns = np.stack([one.phase_rad[rows] for one in sequence.steps])
     share = fine_share(matvec(across, coarse - shown), matvec(across * across, noise2), valid, turns)
     share[~np.isfinite(fine).all(axis=-1)] = 0.0

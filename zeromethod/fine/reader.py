@@ -138,7 +138,7 @@ class FineReader:
         images = [frame.image for frame in frames]
         sequence = FrameSequence.of(frames, self._grid)
         steps = sequence.steps
-        late_s = lateness(images, steps, Design.of(steps), self._noise_grey(images))
+        late_s = lateness(images, steps, Design.of(steps), self._noise_grey(images), sequence.scan)
         design = Design.of(steps, late_s)
         pixels = self._demodulated(images, design)
         limits = Limits()

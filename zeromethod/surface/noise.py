@@ -168,7 +168,7 @@ class _Map:
         return np.asarray(out)
 
     def take(self, at_once: bool) -> None:
-        """Work out some samples more, or all; the map is made before the first, with some, and with all.
+        """Work out some samples more, or all; the map is made before them, with the first few, and with all.
 
         In the reading with which it begins none are, where another mask's are known; of masks that change
         from reading to reading every few ones are.
@@ -183,7 +183,7 @@ class _Map:
                 samples.take(None if at_once else AT_FIRST)
         elif before == 0 or self._readings % SELDOM == 0:
             samples.take(A_FEW if before == 0 else 1)
-        if not made or samples.stage > before:
+        if not made or before == 0 or samples.stage > before:
             self._sampled = samples.variance()
             self.off = samples.off
             self._shifted()
@@ -225,8 +225,9 @@ class DepthNoise:
     sigma, and within a third at single nodes of holes' rims, whose noise is their own. Where readings follow
     each other, the samples of a new mask or new weights are worked out one or two at a time: the first
     reading goes by the rough variance and by what that was off before (for another mask on the safe side,
-    mostly 10 to 25 % more than sigma; for new weights alone within 3 % rms); after eight readings by how 16
-    nodes all over the view changed that; then the others, in 600 readings. Samples are kept while mask and
+    mostly 10 to 25 % more than sigma; for new weights alone within 3 % rms), the next ones by what the first
+    samples are off besides, on the mean, which leaves 2 % of it after four; after eight by how 16 nodes all
+    over the view changed that; then the others, in 600 readings. Samples are kept while mask and
     noise keep their shape, and for a mask that comes back, as a dent hides nodes while it moves; a frame then
     costs a rescaling: noise at distance r reaches depth with weight 1 / r (the gradient of Green's function
     in the plane), so that every octave of r counts alike and what the noise has grown by is the mean of its

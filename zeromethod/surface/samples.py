@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import cached_property
 
@@ -33,6 +34,8 @@ _CAREFUL = 1.4
 """Variance by another mask's samples over what it most likely is: the rough one is off by up to 15 %."""
 _CHANGED = 0.1
 """Share of nodes that came or went from which that holds; masks that flicker by a few are off alike."""
+_GOLDEN = 0.618
+"""Multiples of it, less whole numbers, are spread evenly, however many there are."""
 _LEAST_SAMPLE = 1e-6
 """Variance of a sample over the largest, at least."""
 
@@ -87,9 +90,13 @@ class Samples:
         """Nodes to be sampled: all over the island, and on each ring."""
         inside = self._island & ~np.any(self._rings, axis=0)
         inside = inside if inside.any() else self._island
+        first, *others = sample_nodes(inside, _at_narrowest(self._power, inside))
+        # the first few are to be all over the island, too
+        spread = np.argsort(_GOLDEN * np.arange(len(first)) % 1.0)
         # in no even steps, as a row may cross a ring twice
         return [
-            *sample_nodes(inside, _at_narrowest(self._power, inside)),
+            first[spread],
+            *others,
             *(
                 on[np.unique(np.linspace(0, len(on) - 1, min(_ON_RING, len(on))).astype(np.intp))]
                 for on in map(np.flatnonzero, self._rings)
@@ -135,6 +142,12 @@ class Samples:
             assert self.off is not None
             return np.asarray(self._careful * np.exp(self._rough + self.off))
         found = self._found[: self.taken]
+        if self.stage == 0 and self._before is not None:
+            # so few say how much all of it is off; that which was known before counts as one of them
+            likely, at = self._rough + self._before, self.nodes[: self.taken]
+            over = np.log(np.maximum(found, 1e-30)) - likely.ravel()[at]
+            more = (math.log(self._careful) + float(over.sum())) / (1 + self.taken)
+            return np.asarray(np.exp(likely + more))
         # nodes whose own depth is the anchor have none
         over = np.log(np.maximum(found, _LEAST_SAMPLE * found.max(initial=1e-30)))
         over -= self._rough.ravel()[self.nodes[: self.taken]]
