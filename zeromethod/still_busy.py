@@ -32,7 +32,11 @@ class StillBusy:
         self._closed.set()
 
     def _run(self) -> None:
+        said, since_s = "", 0.0
         while not self._closed.wait(EVERY_S):
             words = self._words
             if words:
-                self._say(words)
+                # the same words again say how long it has been
+                since_s = since_s + EVERY_S if words == said else 0.0
+                self._say(f"{words} ({since_s:.0f} s)" if since_s else words)
+            said = words

@@ -130,7 +130,9 @@ def _write(export: Export) -> dict[str, Any]:
     return figures
 
 
-_MESH = "{vertices} vertices, largest depth {depth_largest_mm:.5f} mm, in mm"
+_MESH = (
+    "{vertices} vertices, largest measured depth {depth_largest_mm:.5f} mm (nothing inside contacts), in mm"
+)
 _ABOUT = {
     "npz": "",
     "tiff": "{columns} x {rows} px of {pitch_mm:g} mm",

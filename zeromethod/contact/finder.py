@@ -111,7 +111,7 @@ class ContactFinder:
             The surface with `inside`, the deepest point of all of it, contacts with `depth_mm`.
         """
         if not contacts:
-            return surface, deepest, contacts
+            return surface, deepest_of_all(surface, deepest, contacts), contacts
         inside, contacts = carried_inside(surface, contacts, self._places, fit)
         surface = replace(surface, inside=inside)
         return surface, deepest_of_all(surface, deepest, contacts), contacts

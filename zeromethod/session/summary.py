@@ -184,7 +184,7 @@ def summarise(result: RunResult) -> Figures:
         "not_nulled": unheld,
         "not_nulled_reason": "" if unheld is None else _last_reason(held),
         "events": result.events,
-        "lock_frames": lock_frames(records) if unheld is None else None,
+        "lock_frames": None if unheld or result.rig.control.passive else lock_frames(records),
         "residual_px_rms": _median_residual_px(read or held),
         "calibrated": all(record.calibrated for record in records),
         **_depth_figures(result, read),
