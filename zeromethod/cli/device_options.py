@@ -55,6 +55,8 @@ bench_options = several(
     ),
 )  # fmt: skip
 
+_BLANK = "zeromethod.drivers.blank:BlankDisplay"
+
 _NAMES = {
     "monitor": "--display",
     "address": "--camera",
@@ -169,7 +171,15 @@ def other_devices(
 
 @contextmanager
 def opened_devices(rig: Rig, err: bool = True) -> Iterator[Devices]:
-    """Devices of a rig, open; warnings about the display are printed, among errors or not."""
+    """Devices of a rig, open; warnings about the display are printed, among errors or not.
+
+    Raises InputError for a rig whose pattern stays: it cannot show the pictures that are needed.
+    """
+    if rig.control.passive and rig.display.driver != _BLANK:
+        raise InputError(
+            f"rig {rig.name!r}: control.controller: 'passive': a pattern that stays cannot show the pictures "
+            "that this needs; allowed: the rig of the same bench with an LCD"
+        )
     with open_devices(rig) as devices:
         for warning in warnings_of(devices.display):
             click.echo(f"! {warning}", err=err)
@@ -178,7 +188,7 @@ def opened_devices(rig: Rig, err: bool = True) -> Iterator[Devices]:
 
 def without_display(rig: Rig) -> Rig:
     """Rig whose display shows nothing, for the camera alone."""
-    values = rig.display.given() | {"driver": "zeromethod.drivers.blank:BlankDisplay"}
+    values = rig.display.given() | {"driver": _BLANK}
     return rig.model_copy(update={"display": DisplaySpec.model_validate(values)})
 
 

@@ -138,8 +138,9 @@ def run_command(
         raise InputError("--frames and --seconds: give one of them, not both")
     options = BenchOptions(**others)
     rig = given_rig(rig_name, measured=not simulate)
-    if passive:
-        _check_passive(given_options(click.get_current_context()))
+    by = "--passive" if passive else f"rig {rig.name!r}, which is passive,"
+    if passive := passive or rig.control.passive:
+        _check_passive(by, given_options(click.get_current_context()))
         if options.address is not None and options.monitor is None:
             rig = without_display(rig)
     if simulate:
@@ -210,11 +211,11 @@ def run_command(
         _report(session.result, figure, summary)
 
 
-def _check_passive(typed: list[str]) -> None:
-    """Refuse options of the loop, which a passive run has not."""
+def _check_passive(by: str, typed: list[str]) -> None:
+    """Refuse options of the loop, which a passive run has not. by: what makes it one."""
     for option in ("--controller", "--gain", "--strips", "--latency", "--burst", "--fine"):
         if option in typed:
-            raise InputError(f"--passive and {option}: give one of them: a passive run has no loop")
+            raise InputError(f"{by} and {option}: give one of them: a passive run has no loop")
 
 
 def _report(result: RunResult, figure: Path | None, summary: Path | None) -> None:
