@@ -43,8 +43,8 @@ _SMOOTH_PX = 5
 _ALIKE_NOISES = 2.0
 """Deviation, in those of one pixel, up to which 3 x 3 px count as of one level."""
 _WIDE_PX, _WIDE_NARROW_PX, _NEAR_PX = 5, 3, 7
-"""Least width of what is of one level, and that in narrow contacts; how far beyond it a region reaches where a
-border blurs."""
+"""Least width of what is of one level, and that in narrow contacts; how far beyond it a region reaches where
+a border blurs."""
 _LEAST_WHOLE = 0.7
 """Share of a region that its widest piece must have."""
 _LEAST_PART_PX = 10
