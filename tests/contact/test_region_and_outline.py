@@ -165,6 +165,35 @@ def test_a_contact_hardly_wider_than_a_flat_place_is_found(bench):
     assert signed_area(outline.points_px) == pytest.approx(np.pi * 7**2, rel=0.12)
 
 
+@pytest.mark.parametrize("angle_deg", [20.0, 65.0, 135.0])
+def test_a_rods_narrow_contact_is_found_with_its_area(bench, angle_deg):
+    """8 x 22 px, 1.5 mm^2 on the bench of `benchmarks.touches`. 10 %: all of the border off by its sigma."""
+    bench.learn()
+    along, across = turned(angle_deg)
+    (region,) = bench.regions(bench.frame(blurred((abs(along) < 11) & (abs(across) < 4)), 1.0))
+    outline = refined(first_outline(region.mask), region.columns, region.model)
+    assert signed_area(outline.points_px) == pytest.approx(8 * 22, rel=0.1)
+
+
+@pytest.mark.parametrize("place", [(160.0, 120.0), (168.0, 136.0), (168.0, 120.0), (164.0, 124.0)])
+def test_a_small_contact_is_found_wherever_it_lies_in_the_picture(bench, place):
+    """Where the picture is dark, it takes little of the carrier."""
+    bench.learn()
+    (region,) = bench.regions(bench.frame(disc(6.0, *place), 1.0))
+    rows, cols = np.nonzero(region.mask)
+    assert (cols.mean() + region.left, rows.mean() + region.top) == pytest.approx(place, abs=1.0)
+
+
+def turned(angle_deg: float) -> tuple[np.ndarray, np.ndarray]:
+    """(along, across) px from (160.3, 121.8)."""
+    cos, sin = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
+    return cos * (U - 160.3) + sin * (V - 121.8), cos * (V - 121.8) - sin * (U - 160.3)
+
+
+def blurred(covered: np.ndarray) -> np.ndarray:
+    return gaussian_filter(covered.astype(float), BLUR_PX)
+
+
 def test_two_objects_are_two_regions_each_with_its_light(bench):
     bench.learn()
     image = bench.frame(disc(20.0, 90.0), 8.0).astype(int)

@@ -20,12 +20,14 @@ def local_deviation(picture: Single) -> tuple[Single, Single]:
     return np.asarray(mean, np.float32), np.asarray(deviation, np.float32)
 
 
-def flat_places(picture: Single, below: Single, noise: tuple[float, float], noises: float) -> Mask:
-    """(rows, cols) pixels with 7 x 7 around of one level, and that below another.
+def flat_places(
+    picture: Single, below: Single, noise: tuple[float, float], noises: float, side_px: int = SIDE_PX
+) -> Mask:
+    """(rows, cols) pixels with a square around of one level, and that below another.
 
     noise: (variance without light, variance per grey). noises: deviations of it that count as one level.
     """
-    window = (SIDE_PX, SIDE_PX)
+    window = (side_px, side_px)
     mean: Single = np.asarray(cv2.boxFilter(picture, -1, window), np.float32)
     square: Single = np.asarray(cv2.sqrBoxFilter(picture, -1, window), np.float32)
     return np.asarray(_flat(mean, square, below, noises**2 * noise[0], noises**2 * noise[1]))

@@ -23,7 +23,7 @@ _MOST_DARKER = 0.15
 MOST_FILLED = 0.85
 """Share of a patch that parts fill, above which it has no gaps."""
 _NOISES = 2.5
-_BRIGHTEST = 0.4
+BRIGHTEST = 0.4
 """Of the picture's mean: a perfectly white object scatters cos(pattern angle) / index^2 = 0.32 of it."""
 
 
@@ -43,7 +43,7 @@ def narrow_parts(
     pixels without a carrier that are not dirt. known: (rows, cols) what flat places explain already; where
     they and half a period around leave too few dark pixels, none is looked for.
     """
-    dark = lost & (light < _BRIGHTEST)
+    dark = lost & (light < BRIGHTEST)
     other = np.ones(dark.shape, np.bool_)
     if known is not None and known.any():
         square = np.ones((period_px, period_px), np.uint8)

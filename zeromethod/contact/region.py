@@ -12,7 +12,7 @@ from zeromethod.arrays import Bytes, Image, Mask, Single
 from zeromethod.contact.flat import flat_places
 from zeromethod.contact.likelihood import UNKNOWN, GreyModel, grey_model
 from zeromethod.contact.median import median
-from zeromethod.contact.parts import MOST_FILLED, Parts, closed_over, narrow_parts
+from zeromethod.contact.parts import BRIGHTEST, MOST_FILLED, Parts, closed_over, narrow_parts
 from zeromethod.contact.pieces import pieces
 from zeromethod.contact.rest import RestPicture
 from zeromethod.rig.model import Rig
@@ -21,12 +21,19 @@ from zeromethod.warp.grid import NodeGrid
 
 LOST_SHARE = 0.6
 """Share of a node's carrier at rest below which a contact is looked for around it."""
+DIM_SHARE = 0.92
+"""Share of a node's light at rest below which it is, too. A contact of 1 mm^2, 12 px across, takes a tenth of
+a node's even where it is white; noise and flicker take less than a hundredth."""
 DARKER_SHARE = 0.6
 """Share of the picture's mean light below which flat light may be an object's. A white one scatters 0.3 of
 it; a picture that is lost in a fold, or finer than the LCD, keeps the mean."""
 SEED_PX = 6
 """Flat pixels in one piece from which on a region is looked at. All 7 x 7 px around each are of one level, so
 that a contact of 9 px across has them."""
+NARROW_PX, NARROW_SEED_PX = 4, 24
+"""Side of the flat squares of a narrow contact, a rod's, and how many in one piece, no brighter than an
+object. They cover about as much as SEED_PX of the wider ones; dark spots and stripes of pictures that were
+bent as far as folds had 8 at most."""
 _NOISES = 2.0
 """Deviation, in those of the camera, up to which a place counts as flat."""
 _SHADOW_SHARE = 0.03
@@ -35,8 +42,9 @@ reflection."""
 _SMOOTH_PX = 5
 _ALIKE_NOISES = 2.0
 """Deviation, in those of one pixel, up to which 3 x 3 px count as of one level."""
-_WIDE_PX, _NEAR_PX = 5, 7
-"""Least width of what is of one level, and how far beyond it a region reaches where a border blurs."""
+_WIDE_PX, _WIDE_NARROW_PX, _NEAR_PX = 5, 3, 7
+"""Least width of what is of one level, and that in narrow contacts; how far beyond it a region reaches where
+a border blurs."""
 _LEAST_WHOLE = 0.7
 """Share of a region that its widest piece must have."""
 _LEAST_PART_PX = 10
@@ -75,7 +83,7 @@ class RegionFinder:
 
     def find(self, image: Image, residual: Residual, rest: RestPicture) -> list[Region]:
         """Regions in contact, largest first."""
-        lost = rest.lost(residual, LOST_SHARE)
+        lost = rest.lost(residual, LOST_SHARE, DIM_SHARE)
         if not lost.any():
             return []
         drift = rest.drift(residual)
@@ -130,18 +138,22 @@ class RegionFinder:
         picture = image[place].astype(np.float32) - np.float32(self._black)
         mean = rest.mean[place] * np.float32(drift)
         clean = ~rest.static[place]
-        flat = clean & flat_places(picture, DARKER_SHARE * mean, self.noise, _NOISES)
-        labels, sizes = pieces(flat)
-        taken = np.zeros(flat.shape, np.bool_)
-        found: list[Region] = []
-        for k in np.argsort(-sizes)[: np.count_nonzero(sizes >= SEED_PX)]:
-            seed = labels == k
-            if taken[seed].any():
-                continue
-            region = self._grown(seed, picture, mean, rest, (left, top))
-            if region is not None:
-                taken |= region.mask
-                found.append(region)
+        taken = np.zeros(clean.shape, np.bool_)
+
+        def grown(flat: Mask, least_px: int, wide_px: int) -> list[Region]:
+            labels, sizes = pieces(clean & flat)
+            result = []
+            for k in np.argsort(-sizes)[: np.count_nonzero(sizes >= least_px)]:
+                seed = labels == k
+                if taken[seed].any():
+                    continue
+                region = self._grown(seed, picture, mean, rest, (left, top), wide_px)
+                if region is not None:
+                    taken[region.mask] = True
+                    result.append(region)
+            return result
+
+        found = grown(flat_places(picture, DARKER_SHARE * mean, self.noise, _NOISES), SEED_PX, _WIDE_PX)
         light = picture / mean
         middle = median(mean[::4, ::4])
         noise = float(np.sqrt(self.noise[0] + self.noise[1] * 0.3 * middle)) / middle
@@ -150,7 +162,10 @@ class RegionFinder:
         if parts is not None:
             wide = self._of_parts(parts, picture, mean, rest, (left, top))
             found = [one for one in found if not any((one.mask & each.mask).any() for each in wide)] + wide
-        return found
+        if found:
+            return found
+        narrow = flat_places(picture, BRIGHTEST * mean, self.noise, _NOISES, NARROW_PX)
+        return grown(narrow, NARROW_SEED_PX, _WIDE_NARROW_PX)
 
     def _pixels(self, nodes: Mask, box: tuple[int, int, int, int]) -> Mask:
         """Pixels of a box that are nearest to some nodes."""
@@ -194,9 +209,15 @@ class RegionFinder:
         return found
 
     def _grown(
-        self, seed: Mask, picture: Single, mean: Single, rest: RestPicture, corner: tuple[int, int]
+        self,
+        seed: Mask,
+        picture: Single,
+        mean: Single,
+        rest: RestPicture,
+        corner: tuple[int, int],
+        wide_px: int,
     ) -> Region | None:
-        """The region about a flat seed."""
+        """The region about a flat seed, `wide_px` wide and more."""
         left, top = corner
         dirt = rest.static[top : top + seed.shape[0], left : left + seed.shape[1]]
         scattered, mirrored = median(picture[seed]), median(mean[seed])
@@ -213,17 +234,17 @@ class RegionFinder:
         mask = labels == label
         if not label or not mask.any():
             return None
-        mask = self._without_fringes(mask, grey, scattered)
+        mask = self._without_fringes(mask, grey, scattered, wide_px)
         return Region(*corner, mask, probability, columns, model, scattered / mirrored)
 
-    def _without_fringes(self, mask: Mask, grey: Single, scattered: float) -> Mask:
+    def _without_fringes(self, mask: Mask, grey: Single, scattered: float, wide_px: int) -> Mask:
         """A region less what sticks out of it and is not of one grey level: dark fringes that join on.
 
         grey: (rows, cols) levels over that of the picture beside. What would lose most of itself stays.
         """
         noise = np.sqrt(self.noise[0] + self.noise[1] * max(scattered, 0.0))
         alike = mask & (np.abs(cv2.boxFilter(grey, -1, (3, 3)) - scattered) < _ALIKE_NOISES * noise)
-        whole = cv2.morphologyEx(alike.astype(np.uint8), cv2.MORPH_OPEN, _disc(_WIDE_PX))
+        whole = cv2.morphologyEx(alike.astype(np.uint8), cv2.MORPH_OPEN, _disc(wide_px))
         near = np.asarray(cv2.dilate(whole, _disc(_NEAR_PX)), np.uint8)
         labels, sizes = pieces(mask & (near > 0))
         if len(sizes) < 2:

@@ -91,14 +91,20 @@ class RestPicture:
         counts = np.histogram(share, bins=BINS, range=(0.0, 2.4))[0]
         self.shares = counts / max(counts.sum(), 1)
 
-    def lost(self, residual: Residual, least: float) -> Mask:
+    def lost(self, residual: Residual, least: float, least_light: float) -> Mask:
         """(rows, cols) nodes that have lost their carrier: amplitude below `least` of that at rest.
 
-        One of the two: bars as far apart as fringes look like the other.
+        One of the two: bars as far apart as fringes look like the other. And nodes far from these with less
+        than `least_light` of their light: what is as small as a dark spot of the picture, and lies in one,
+        takes little of the carrier.
         """
         seen = self._seen & (residual.flags & np.uint16(Flag.OUTSIDE | Flag.NO_RAY) == 0)
         weak = residual.modulation < least * self._amplitude
-        return np.asarray(seen & (weak[..., 0] | weak[..., 1]))
+        lost = np.asarray(seen & (weak[..., 0] | weak[..., 1]))
+        dim = seen & (residual.mean - self._black < least_light * self.drift(residual) * self._light)
+        if dim.any():
+            lost |= dim & (cv2.dilate(lost.view(np.uint8), np.ones((9, 9), np.uint8)) == 0)
+        return lost
 
     def drift(self, residual: Residual) -> float:
         """Light of the nodes that are measured over theirs at rest."""
