@@ -55,8 +55,6 @@ bench_options = several(
     ),
 )  # fmt: skip
 
-_BLANK = "zeromethod.drivers.blank:BlankDisplay"
-
 _NAMES = {
     "monitor": "--display",
     "address": "--camera",
@@ -131,13 +129,20 @@ def given_options(context: click.Context) -> list[str]:
     return [max(option.opts, key=len) for option, source in typed if source is ParameterSource.COMMANDLINE]
 
 
-def with_devices(rig: Rig, options: BenchOptions, camera_alone: bool = False) -> Rig:
+def with_devices(
+    rig: Rig, options: BenchOptions, camera_alone: bool = False, *, passive: bool = False
+) -> Rig:
     """Rig with the devices and settings of the command line in place of its own.
 
     Raises InputError, one line: monitors that are not there or not set to the rig's display (with the list),
-    camera addresses and settings that are not allowed, a simulated device with a real one. camera_alone:
-    the camera is used without the LCD.
+    camera addresses and settings that are not allowed, a simulated device with a real one, rigs
+    whose pattern stays unless `passive`. camera_alone: the camera is used without the LCD.
     """
+    if rig.control.passive and not (passive or camera_alone):
+        raise InputError(
+            f"rig {rig.name!r}: control.controller: 'passive': a pattern that stays cannot show the pictures "
+            "that this needs; allowed: the rig of the same bench with an LCD"
+        )
     rig = _with_camera(rig, options)
     if options.monitor is not None:
         rig = _with_monitor(rig, options.monitor)
@@ -171,15 +176,7 @@ def other_devices(
 
 @contextmanager
 def opened_devices(rig: Rig, err: bool = True) -> Iterator[Devices]:
-    """Devices of a rig, open; warnings about the display are printed, among errors or not.
-
-    Raises InputError for a rig whose pattern stays: it cannot show the pictures that are needed.
-    """
-    if rig.control.passive and rig.display.driver != _BLANK:
-        raise InputError(
-            f"rig {rig.name!r}: control.controller: 'passive': a pattern that stays cannot show the pictures "
-            "that this needs; allowed: the rig of the same bench with an LCD"
-        )
+    """Devices of a rig, open; warnings about the display are printed, among errors or not."""
     with open_devices(rig) as devices:
         for warning in warnings_of(devices.display):
             click.echo(f"! {warning}", err=err)
@@ -188,7 +185,7 @@ def opened_devices(rig: Rig, err: bool = True) -> Iterator[Devices]:
 
 def without_display(rig: Rig) -> Rig:
     """Rig whose display shows nothing, for the camera alone."""
-    values = rig.display.given() | {"driver": _BLANK}
+    values = rig.display.given() | {"driver": "zeromethod.drivers.blank:BlankDisplay"}
     return rig.model_copy(update={"display": DisplaySpec.model_validate(values)})
 
 

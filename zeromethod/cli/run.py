@@ -148,7 +148,7 @@ def run_command(
             raise InputError(f"--simulate and {options.given[0]}: give one of them, not both")
         rig = simulated_clone(rig)
     rig = with_given(
-        with_devices(rig, options),
+        with_devices(rig, options, passive=passive),
         scenario,
         display={"latency_s": latency_s},
         simulation={"seed": seed},
