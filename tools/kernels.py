@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 COMMANDS = {
-    "run": ("run", "run --strips --seconds 0.6 --scenario ball"),
+    "run": ("run", "run --strips --seconds 0.6 --scenario ball", "run --passive --seconds 0.6"),
     "fine": ("run --fine --seconds 0.9 --scenario none",),
     "calibrate": (
         "calibrate fringes --panel 320 200 --periods 16,20,22,25 --shifts 6 --output fringes",

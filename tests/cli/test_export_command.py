@@ -52,6 +52,9 @@ def test_format_names_the_file_whatever_its_suffix(session, tmp_path):
     code, out, _ = run("export", *arguments)
     assert code == 0
     lines = (tmp_path / "track.txt").read_text().splitlines()
-    assert lines[0] == "time_s,depth_mm,depth_sigma_mm,x_mm,y_mm,x_sigma_mm,y_sigma_mm,state,where,damaged"
+    columns = (
+        "time_s,depth_mm,depth_sigma_mm,x_mm,y_mm,x_sigma_mm,y_sigma_mm,total_force_n,sigma_total_force_n"
+    )
+    assert lines[0] == f"{columns},state,where,damaged"
     assert f"{len(lines) - 1} times" in out
     assert float(lines[1].split(",")[0]) >= 0.1

@@ -121,7 +121,7 @@ def test_a_track_says_which_peak_is_damaged(planted, tmp_path):
         assert prepare(recording, tmp_path / "a.csv").write() == {"times": 9, "peaks": 7}
     lines = (tmp_path / "a.csv").read_text().splitlines()[1:]
     assert [line.endswith(",peak") for line in lines] == [step == 5 for step in planted.steps]
-    assert lines[4].split(",")[1:] == [*[""] * 6, "locked", "", "peak"]
+    assert lines[4].split(",")[1:] == [*[""] * 8, "locked", "", "peak"]
 
 
 @pytest.mark.parametrize("suffix", STREAMED)

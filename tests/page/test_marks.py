@@ -8,15 +8,14 @@ import numpy as np
 import pytest
 from browsing import browser, needs_browser, tab
 
-from zeromethod.loop.state import State
+from zeromethod.loop.state import GOOD, READ, State
 from zeromethod.operating.advice import ADVICE, FRESH, LATE_S, doubt_of
 from zeromethod.operating.readings import HISTORY, history_row
 from zeromethod.operating.run_table import RUN
 from zeromethod.page.message import Content
 from zeromethod.page.process import PageProcess
 
-COUNTS = {State.RESTING, State.LOCKED, State.NULLING, State.STARTING, State.UNCALIBRATED}
-GOOD = {State.RESTING, State.LOCKED}
+COUNTS = {*READ, State.NULLING, State.STARTING}
 LATTICE = {"first": [8.0, 8.0], "spacing": 16.0, "image": [320, 256]}
 
 

@@ -68,7 +68,9 @@ def test_what_touches_has_its_border_and_figures():
     np.testing.assert_allclose(found.pop("outline_mm"), outline, atol=5e-5)
     unknown = ("depth_mm", "force_n", "torque_x_nmm", "torque_y_nmm")
     unknown = dict.fromkeys((*unknown, *(f"sigma_{name}" for name in unknown)))
-    assert found == {"id": 3, "x_mm": 10.0, "y_mm": 7.5, "age_s": 0.0} | sizes | sigmas | unknown
+    assert (
+        found == {"id": 3, "x_mm": 10.0, "y_mm": 7.5, "age_s": 0.0, "leak_mm": 0.0} | sizes | sigmas | unknown
+    )
     assert header["total_force_n"] is None
 
 
