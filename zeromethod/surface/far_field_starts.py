@@ -8,8 +8,7 @@ import numba
 import numpy as np
 
 from zeromethod.arrays import Float
-from zeromethod.surface.far_field_laws import Known, Nodes
-from zeromethod.surface.far_field_shapes import LAW, NUMBERS
+from zeromethod.surface.far_field_laws import LAW, NUMBERS, Known, Nodes
 
 _PLACES, _SIZES = (9, 7), (24.0, 12.0, 6.0, 3.0)
 """Places across and down, and the view's diagonal over sizes, of the dents that are tried."""
