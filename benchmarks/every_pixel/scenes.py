@@ -69,7 +69,7 @@ class FourierReader(FineReader):
 class EightStepReader(FineReader):
     """Reads by eight-step phase shifting, in place of the fit in time, from frames of their own.
 
-    In those the mirror at rest's picture is shifted by k and 3 k eighths of a period: both carriers are told
+    In those the mirror at rest's picture is shifted by k and 3 k eighths of a period: both carriers are kept
     apart by the same eight. Each picture stands still in its exposure.
     """
 

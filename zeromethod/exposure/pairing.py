@@ -26,6 +26,7 @@ from zeromethod.exposure.mixture import Mixture, mixture
 from zeromethod.exposure.presentation_log import PresentationLog
 from zeromethod.exposure.target_phase import Lit, Sight, TargetPhase, carrier_turns
 from zeromethod.rig.model import DisplaySpec
+from zeromethod.rounding import REORDERED
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.warp import Role, Warp
 
@@ -171,10 +172,7 @@ def _changes_ns(times_ns: Ints, frame: Frame, timing: PanelTiming) -> Float:
     return np.asarray(times_ns - frame.time_ns, dtype=np.float64) + timing.latency_ns
 
 
-_FAST = {"contract", "reassoc"}
-
-
-@numba.njit(cache=True, fastmath=_FAST)
+@numba.njit(cache=True, fastmath=REORDERED)
 def _places(q: Float, rows_per_entry: float, last: float, upwards: bool, place: Float) -> None:
     """Where among the panel rows of the weights, 0..last, nodes (cols, 2) look."""
     for i in range(place.size):
@@ -182,7 +180,7 @@ def _places(q: Float, rows_per_entry: float, last: float, upwards: bool, place: 
         place[i] = last - x if upwards else x
 
 
-@numba.njit(cache=True, fastmath=_FAST)
+@numba.njit(cache=True, fastmath=REORDERED)
 def _add(weights: Float, k: int, place: Float, warp: Float, q: Float) -> None:
     """Add picture k's share of a row of nodes (cols, 2) to q; the first replaces what is there."""
     last, first = weights.shape[0] - 2, k == 0
@@ -194,7 +192,7 @@ def _add(weights: Float, k: int, place: Float, warp: Float, q: Float) -> None:
         q[i, 1] = (0.0 if first else q[i, 1]) + share * warp[i, 1]
 
 
-@numba.njit(cache=True, fastmath=_FAST)
+@numba.njit(cache=True, fastmath=REORDERED)
 def _off(q: Float, look_q: Float) -> float:
     """Largest difference of panel rows."""
     largest = 0.0

@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zeromethod.arrays import Float
+from zeromethod.rounding import REORDERED
 
 Complex = NDArray[np.complex128]
 
@@ -237,7 +238,7 @@ def _late_rates(weights: Float, late_per_s: Float, waves: Complex, blur: Float, 
     return out
 
 
-@numba.njit(cache=True, fastmath={"contract", "reassoc"})
+@numba.njit(cache=True, fastmath=REORDERED)
 def _look_up(table: Float, q: Float, per_row: float, upwards: bool, out: Float, place: Float) -> None:
     """Phases and 1 / contrast of a table (n, 4) where nodes look, (rows, cols, 4), and its rows there."""
     last = table.shape[0] - 1

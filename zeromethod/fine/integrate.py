@@ -15,13 +15,14 @@ import numpy as np
 from scipy.fft import dct, idct, next_fast_len
 
 from zeromethod.arrays import Float, Mask, Single
+from zeromethod.rounding import REORDERED
 
 ENOUGH = 1e-5
 """Residual over that of no solution, preconditioned, at which it is solved: errors of depth are below it."""
 _MOST_ITERATIONS = 60
 
 
-@numba.njit(cache=True, fastmath={"contract", "reassoc"})
+@numba.njit(cache=True, fastmath=REORDERED)
 def _go(by: np.float32, way: Single, product: Single, x: Single, left: Single) -> None:
     """Go a way in x, and take what that makes out of what is left, in place."""
     for i in range(x.shape[0]):
@@ -30,7 +31,7 @@ def _go(by: np.float32, way: Single, product: Single, x: Single, left: Single) -
             left[i, j] -= by * product[i, j]
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc"})
+@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
 def _apply(x: Single, across: Single, down: Single, out: Single) -> float:
     """Laplacian of the weighted steps, out = L x, and x . L x."""
     rows, cols = x.shape

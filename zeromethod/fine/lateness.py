@@ -19,6 +19,7 @@ import numpy as np
 from zeromethod.arrays import Float, Image, Single
 from zeromethod.fine.demodulate import BAND_ROWS, UNKNOWNS, Design, middle_grey
 from zeromethod.fine.frames import Steps
+from zeromethod.rounding import REORDERED
 
 LIKELY_S = 1e-3
 """Standard deviation of a lateness before anything was seen: more would be a wrong `latency_s`."""
@@ -26,7 +27,7 @@ _LEAST_JITTER_S = 1e-7
 """Standard deviation of a jitter that is not seen."""
 
 
-@numba.njit(cache=True, fastmath={"contract", "reassoc"})
+@numba.njit(cache=True, fastmath=REORDERED)
 def _products(images: Image, level: float, solution: Single, of_each: Float, of_grey: Float) -> None:
     """Sums over each row of products of the unknowns (5, cols) with each other and with the grey levels."""
     count, rows, cols = images.shape

@@ -13,6 +13,7 @@ import numba
 import numpy as np
 
 from zeromethod.arrays import Float, Ints, Mask, Single
+from zeromethod.rounding import REORDERED
 from zeromethod.sensing.window import triangle
 from zeromethod.warp.grid import PADDING, NodeGrid
 from zeromethod.warp.interpolant import keys_weights
@@ -77,7 +78,7 @@ def _to_pixels(nodes: Any, row_first: Any, of_rows: Any, of_cell: Any, out: Any)
             pixel_line(nodes[k], row_first[j], of_rows[j], of_cell, line, out[k, j])
 
 
-@numba.njit(cache=True, fastmath={"contract", "reassoc"})
+@numba.njit(cache=True, fastmath=REORDERED)
 def _window_sums(values: Any, used: Any, triangle: Any, spacing: int, out: Any) -> None:
     """Sums (node rows, node cols, k + 1) over windows of used pixels' values (rows, cols, k), and of 1.
 

@@ -15,12 +15,13 @@ import numpy as np
 
 from zeromethod.arrays import Float, Ints, Single
 from zeromethod.fine.lattice import PixelLattice, pixel_line, with_ghosts
+from zeromethod.rounding import REORDERED
 from zeromethod.surface.lever import Lever
 
 _PASSES = 3
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc"})
+@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
 def _solve(
     nodes: Single,
     row_first: Ints,

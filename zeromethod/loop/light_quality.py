@@ -9,6 +9,7 @@ import numpy as np
 
 from zeromethod.arrays import Float, Mask, Single
 from zeromethod.loop.events import Event, Notice
+from zeromethod.rounding import REORDERED
 from zeromethod.sensing.residual import Residual
 from zeromethod.warp.validity import Flag
 
@@ -44,7 +45,7 @@ MEMORY = 0.05
 """Share of every good frame in the usual light."""
 
 
-@numba.njit(cache=True, fastmath={"contract", "reassoc"})
+@numba.njit(cache=True, fastmath=REORDERED)
 def mean_of(values: Single, chosen: Mask) -> float:
     """Mean of the chosen values, (rows, cols) both."""
     total = 0.0

@@ -26,16 +26,7 @@ from zeromethod.loop.light_quality import LightQuality
 from zeromethod.loop.pattern_dwell import PatternDwell
 from zeromethod.loop.paused_gc import PausedGC
 from zeromethod.loop.screen import Screen
-from zeromethod.loop.state import (
-    LOCK_FRAMES,
-    Doubt,
-    Outcome,
-    State,
-    Status,
-    StepOutcome,
-    next_status,
-    sees_target,
-)
+from zeromethod.loop.state import Doubt, Outcome, State, Status, StepOutcome, next_status, sees_target
 from zeromethod.loop.step import Step
 from zeromethod.loop.zero import Zero
 from zeromethod.optics import Optics
@@ -126,8 +117,7 @@ class Loop:
         self._notices = Notices()
         self._garbage: PausedGC | None = None
         self._start_ns: int | None = None
-        self._steps = 0
-        self._passive = rig.control.passive
+        self._steps, self._passive = 0, rig.control.passive
         self._frozen = self._stop = self._waiting = self._referenced = False
 
     @property
@@ -275,8 +265,7 @@ class Loop:
         if result.coded:
             events += (Event.BURST,)
             self._notices.add(Notice(Event.BURST, BURST_WORDS))
-        doubt = self.bench.doubt or self.doubt
-        state = self.paused, partial(self._at_rest, result), doubt, self._passive
+        state = self.paused, partial(self._at_rest, result), self.bench.doubt or self.doubt, self._passive
         outcome = frame_outcome(verdict, result, refusal, events, *state)
         self.over |= verdict.wrong and self._check.wrong_frames >= WRONG_FRAMES_TO_END
         if trouble is not None:
@@ -313,7 +302,7 @@ class Loop:
 
     def _at_rest(self, result: FrameResult) -> bool:
         # only matters, and is only worked out, where the loop is about to be locked
-        if result.measured is None or self.status.nulled_frames + 1 < LOCK_FRAMES:
+        if result.measured is None or not self.status.locks_next:
             return False
         return self._zero.at_rest(self._circle.controller.estimate, result.measured)
 

@@ -16,6 +16,7 @@ from scipy.ndimage import maximum_filter
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.loop.node_figures import at_rest
+from zeromethod.rounding import REORDERED
 from zeromethod.warp.warp import Warp
 
 REST_BLOCK = 4
@@ -104,7 +105,7 @@ class RestMemory:
         return float(pressed)
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc"})
+@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
 def _add_row(
     away: Float, off: Float, dirt: Float, sigma: Float, known: Mask, noises: float, drift: Float, sums: Float
 ) -> None:

@@ -117,6 +117,11 @@ class Status:
     reason: str = "waiting for the first frame"
     nulled_frames: int = 0
 
+    @property
+    def locks_next(self) -> bool:
+        """Whether one more nulled frame makes, or keeps, a lock."""
+        return self.nulled_frames + 1 >= LOCK_FRAMES
+
 
 def next_status(previous: Status, step: StepOutcome) -> Status:
     """Status after a step; see the module's diagram."""

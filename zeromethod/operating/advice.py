@@ -21,18 +21,7 @@ ADVICE = {
 }
 """By state; empty where there is nothing to do."""
 
-FRESH = frozenset(
-    {
-        State.RESTING,
-        State.NULLING,
-        State.LOCKED,
-        State.PASSIVE,
-        State.UNCALIBRATED,
-        State.MOVED,
-        State.PAUSED,
-        State.COVERED,
-    }
-)
+FRESH = frozenset(State) - {State.STARTING, State.LOST, State.HOLDING, State.FAULT, State.STOPPED}
 """States in which every new frame is measured: readings are of now, unless they come late."""
 
 LATE_S = 0.5

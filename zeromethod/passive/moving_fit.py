@@ -14,6 +14,7 @@ import numpy as np
 
 from zeromethod.arrays import Float, Ints
 from zeromethod.passive.cells import XX, XY, YY, X, Y
+from zeromethod.rounding import REORDERED
 
 REACH = 3.0
 """The Gaussian window ends at this many standard deviations."""
@@ -77,7 +78,7 @@ def moving_moments(field: Float, sigma: tuple[float, float], degree: int, out: F
             _along_columns(first, window(sigma[1], b), out[a, b])
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc"})
+@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
 def _factor(matrix: Float, size: int) -> bool:
     """Cholesky factor in the lower triangle, in place; False where the matrix is (nearly) singular."""
     for i in range(size):
@@ -95,7 +96,7 @@ def _factor(matrix: Float, size: int) -> bool:
     return True
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc"})
+@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
 def _substitute(factor: Float, size: int, x: Float) -> None:
     """Solve for the right-hand side x in place."""
     for i in range(size):
@@ -121,7 +122,7 @@ def _fill_matrix(moments: Float, powers: Ints, j: int, i: int, matrix: Float) ->
             matrix[terms + m, terms + n] = moments[2, a, b, j, i]
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc"})
+@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
 def _solve(moments: Float, squares: Float, right: Float, powers: Ints, out: Float, variance: Float) -> None:
     terms = powers.shape[0]
     size = 2 * terms

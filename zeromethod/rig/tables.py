@@ -244,6 +244,11 @@ class ControlSpec(Table):
         """Whether one picture stays for ever, and nothing is nulled."""
         return self.controller == "passive"
 
+    @property
+    def reads(self) -> str:
+        """How the picture is when it is read, in a word for people: nulled, or just read."""
+        return "read" if self.passive else "nulled"
+
 
 class LightSpec(Table):
     """What lights the pattern.

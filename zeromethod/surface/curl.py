@@ -15,6 +15,7 @@ import numpy as np
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.bench_motion.watch import LEAST_LCD_PX
+from zeromethod.rounding import REORDERED
 from zeromethod.surface.differences import depth_differences_adjoint
 from zeromethod.surface.integrate import SlopeIntegrator, share_changed
 from zeromethod.surface.node_passes import sum_on
@@ -95,7 +96,7 @@ class _Templates:
         return share_changed(variance.ravel(), self.variance.ravel(), both, _KEEP_FACTOR) <= _KEEP_SHARE
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc"})
+@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
 def _products(templates: Float, steps: Float, depth: Float, island: Mask, axis: int) -> Float:
     """Sum (terms,) of what depth lacks of the steps along an axis, on the island, times each template.
 

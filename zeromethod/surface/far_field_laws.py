@@ -8,6 +8,7 @@ import numba
 import numpy as np
 
 from zeromethod.arrays import Float, Ints
+from zeromethod.rounding import REORDERED
 
 NUMBERS, LAW = 7, 6
 """Of one dent: depth, mm; place x, y, mm; a, b, c, 1/mm, of z = (a X + b Y)^2 + (c Y)^2, X, Y from there; and
@@ -25,9 +26,6 @@ _GAUSSIAN = 1e-4
 
 _FLAT = 0.1
 """Weight of (depth / distance)^2 against slope^2 in what a law's error is relative to."""
-
-_SUMS = {"contract", "reassoc"}
-"""Sums over nodes may be taken in any order, which changes rounding alone, so that they are vectorised."""
 
 
 class Nodes(NamedTuple):
@@ -121,7 +119,7 @@ class Equations(NamedTuple):
     growth: float
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=_SUMS)
+@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
 def _add(dent: Float, x: Float, y: Float, by: Float, field: Float) -> None:
     """Add one dent's depth and slopes to `field` (3, n); fill in its derivatives `by` (7, 3, n)."""
     depth, a, b, c, law = dent[0], dent[3], dent[4], dent[5], min(dent[LAW], POINT)
@@ -186,7 +184,7 @@ def _waves(at: float, low: float, high: float, count: int) -> Float:
     return out
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=_SUMS)
+@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
 def _add_body(dent: Float, body: Body, products: Float, by: Float, field: Float) -> None:
     """Add what the body adds to a load at the dent's place to `field` (3, n), and to its derivatives `by`."""
     depth, a, c, share = dent[0], dent[3], dent[5], dent[LAW] - POINT
@@ -260,7 +258,7 @@ def _dents(numbers: Float, laws: int, nodes: Nodes, body: Body) -> tuple[Float, 
     return field, by
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=_SUMS)
+@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
 def nearest2(numbers: Float, x: Float, y: Float) -> Float:
     """Squared distance (n,) of places from the next dent, mm^2, at least about that dent's size."""
     near2 = np.full(len(x), np.inf)
@@ -272,7 +270,7 @@ def nearest2(numbers: Float, x: Float, y: Float) -> Float:
     return near2
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=_SUMS)
+@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
 def equations(
     numbers: Float, laws: int, nodes: Nodes, quiet: Nodes, known: Known, wrong2: float, before: Float
 ) -> Equations:

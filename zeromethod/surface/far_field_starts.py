@@ -8,6 +8,7 @@ import numba
 import numpy as np
 
 from zeromethod.arrays import Float
+from zeromethod.rounding import REORDERED
 from zeromethod.surface.far_field_laws import LAW, NUMBERS, Known, Nodes
 
 _PLACES, _SIZES = (9, 7), (24.0, 12.0, 6.0, 3.0)
@@ -38,7 +39,7 @@ class Tried(NamedTuple):
     deepest_mm: float
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc"})
+@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
 def tried_dents(
     left: Float, variance: Float, nodes: Nodes, quiet: Nodes, known: Known, limits: Float, diagonal_mm: float
 ) -> Tried:
@@ -71,7 +72,7 @@ def tried_dents(
     return Tried(about, slopes, explained, limits[3, 1])
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc"})
+@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
 def _product(one: Float, other: Float) -> float:
     """Sum of products: in the same order on every machine's threads, which those of a library are not."""
     total = 0.0
@@ -127,7 +128,7 @@ def _fill(numbers: Float, depth_mm: float, about: Float) -> None:
     numbers[3], numbers[4], numbers[5], numbers[LAW] = about[2], 0.0, about[2], FREE_LAW
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc"})
+@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
 def centre(nodes: Nodes, constant: float, core_mm: float) -> tuple[float, float]:
     """Point that the core's lines of steepest descent pass closest to; NaN for parallel ones.
 

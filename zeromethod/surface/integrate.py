@@ -20,6 +20,7 @@ import numpy as np
 from scipy import ndimage
 
 from zeromethod.arrays import Float, Mask
+from zeromethod.rounding import REORDERED
 from zeromethod.surface.differences import depth_differences, depth_differences_adjoint, stencils
 from zeromethod.surface.multigrid import EXACT, LatticeSolution
 
@@ -60,7 +61,7 @@ def fill_in(values: Float) -> None:
                 values[i, j] = 0.0
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc"})
+@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
 def share_changed(now: Float, kept: Float, nodes: Mask, factor: float) -> float:
     """Share of values that changed by more than a factor, up to one common to all, and either way.
 

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zeromethod.arrays import Float
+from zeromethod.rounding import REORDERED
 from zeromethod.surface.coarsening import coarse, dense, interpolation
 
 _FEWEST = 5
@@ -30,11 +31,9 @@ _ROUNDING = 1e-14
 EXACT = 1e-11
 """Share of the error that is left by default."""
 _MOST_CYCLES = 300
-_SUMS = {"contract", "reassoc"}
-"""Sums may be taken in any order, which changes rounding alone, so that they are vectorised."""
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=_SUMS)
+@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
 def _left(edges: Any, five: bool, b: Any, x: Any, out: Any) -> None:
     """What A x leaves of b; edges: (diagonal, east, south, south-east, south-west).
 
@@ -66,7 +65,7 @@ def _left(edges: Any, five: bool, b: Any, x: Any, out: Any) -> None:
             left[k] += edge[k] * ahead[k] + back[k] * behind[k]
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=_SUMS)
+@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
 def _begin(inverse: Any, length: Any, r: Any, x: Any) -> None:
     """A damped step from 0."""
     per, left, value = inverse.reshape(x.size), r.reshape(x.size), x.reshape(x.size)
@@ -74,7 +73,7 @@ def _begin(inverse: Any, length: Any, r: Any, x: Any) -> None:
         value[k] = length * per[k] * left[k]
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=_SUMS)
+@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
 def _add(inverse: Any, length: Any, r: Any, x: Any) -> None:
     """A damped step: x += length * r / diagonal."""
     per, left, value = inverse.reshape(x.size), r.reshape(x.size), x.reshape(x.size)
@@ -149,7 +148,7 @@ def _cycle(size: Any, edges: Any, inverse: Any, p: Any, coarsest: Any, b: Any, x
         _add(per, first, left, found)
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=_SUMS)
+@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
 def _dot(one: Any, other: Any) -> float:
     """Sum of products, in double precision."""
     total = 0.0
@@ -158,7 +157,7 @@ def _dot(one: Any, other: Any) -> float:
     return total
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=_SUMS)
+@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
 def _gradients(
     size: Any,
     matrix: Any,

@@ -6,6 +6,7 @@ import numba
 import numpy as np
 
 from zeromethod.arrays import Flags, Float, Mask, Single
+from zeromethod.rounding import REORDERED
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -33,7 +34,7 @@ def at_rest_where_unknown(bending: Float, at_rest: Float) -> None:
                 bending[i, j] = at_rest[i, j]
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc"})
+@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
 def sum_on(values: Float, nodes: Mask) -> float:
     """Sum over nodes (rows, cols) of both components of values (rows, cols, 2)."""
     total = 0.0
@@ -43,7 +44,7 @@ def sum_on(values: Float, nodes: Mask) -> float:
     return total
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc"})
+@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
 def dot(one: Float, other: Float | Mask) -> float:
     """Sum of products of values (rows, cols).
 
@@ -56,7 +57,7 @@ def dot(one: Float, other: Float | Mask) -> float:
     return total
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc"})
+@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
 def squares_apart(one: Float, other: Float, nodes: Mask) -> float:
     """Sum over nodes (rows, cols) of the squared difference of vectors (rows, cols, 2)."""
     total = 0.0

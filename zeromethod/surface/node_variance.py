@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zeromethod.arrays import Float, Ints
+from zeromethod.rounding import REORDERED
 from zeromethod.surface.differences import (
     DERIVATIVE,
     INTEGRAL,
@@ -23,12 +24,11 @@ from zeromethod.surface.differences import (
 )
 from zeromethod.surface.integrate import LinearIntegration
 
-_SUMS = {"contract", "reassoc"}
 _SOLVED = 3e-3
 """Error of the weights with which slopes enter a depth, by which its variance is off by 0.1 %."""
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=_SUMS)
+@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
 def noise_weights(
     potential: Float, across: Any, down: Any, taps: Any, by_across: Any, by_down: Any, out: Any
 ) -> None:
@@ -71,7 +71,7 @@ def add_next_to_gaps(
                 out[noise, row, col] += value * by[noise, row, col]
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=_SUMS)
+@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
 def variance_of_noise(weights: Any, correlation: Any) -> float:
     """Variance of the sum of noise along u and v, of variance 1, times weights (2, rows, cols).
 

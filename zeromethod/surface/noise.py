@@ -10,6 +10,7 @@ import numpy as np
 from scipy import ndimage
 
 from zeromethod.arrays import Float, Mask
+from zeromethod.rounding import REORDERED
 from zeromethod.surface.integrate import SlopeIntegrator, fill_in, share_changed
 from zeromethod.surface.node_variance import variance_of_noise
 from zeromethod.surface.noise_growth import Known, grown_by
@@ -266,7 +267,7 @@ def _block_size(shape: tuple[int, ...]) -> int:
     return max(1, round(_BLOCK_SHARE * min(shape)))
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc"})
+@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
 def _blocks(weights: Float, size: int) -> Float:
     """Sums over blocks: noise of depth is alike within one."""
     rows, cols = weights.shape

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zeromethod.arrays import Float, Mask
+from zeromethod.rounding import REORDERED
 from zeromethod.surface.node_passes import dot
 
 _BOXES = (1, 3, 7, 15, 31, 63)
@@ -53,7 +54,7 @@ class Known(NamedTuple):
         return cls(boxes, shares, sums.shape)
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc"})
+@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
 def _ratios(now: Float, kept: Float, both: Mask) -> tuple[Float, float, float]:
     """Ratio (rows, cols) on these nodes, else 0; its mean, and the mean distance from that over it."""
     out = np.empty(both.shape)

@@ -6,6 +6,7 @@ import numba
 import numpy as np
 
 from zeromethod.arrays import Float, Ints, Mask, Single
+from zeromethod.rounding import REORDERED
 
 _NEGLIGIBLE = 0.02
 """Share of the largest weight that is taken off all, down to 0."""
@@ -13,10 +14,6 @@ _TIE = 0.1
 """Length over the shortest interval's above which one counts nothing."""
 _WITHIN = 1.5
 """Lengths of the core's interval outside it at which weights have fallen to 0, from 1 one length before."""
-
-
-_SUMS = {"contract", "reassoc"}
-"""Sums may be taken in any order, which changes rounding alone, so that they are vectorised."""
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -47,7 +44,7 @@ def squared(means: Single, gradient: Single, multiple: float, per_share2: Single
             out[i, j] = (x * x + y * y) * per_share2[i, j]
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=_SUMS)
+@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
 def over_noise(slope: Float, gradient: Float, multiple: float, variance: Float, island: Mask) -> float:
     """Sum of the squares over sigma of both slopes, less a multiple of the gradient, all (rows, cols, 2)."""
     total = 0.0
@@ -60,7 +57,7 @@ def over_noise(slope: Float, gradient: Float, multiple: float, variance: Float, 
     return total
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=_SUMS)
+@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
 def _by_slope(
     around: Single, means: Single, averaging: Float, constant: Float, scale: Float, ring: Mask, out: Float
 ) -> float:

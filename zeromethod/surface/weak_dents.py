@@ -15,6 +15,7 @@ import numba
 import numpy as np
 
 from zeromethod.arrays import Float, Mask
+from zeromethod.rounding import REORDERED
 from zeromethod.surface.far_field_laws import Known, Nodes
 
 _PLACES, _SIZES = (9, 7), (24.0, 12.0, 6.0)
@@ -33,11 +34,8 @@ found by itself."""
 _EVERY, _EVERY_QUIET = 2, 4
 """Every so many nodes, and of the anchor, are looked at where dents are found already."""
 
-_REORDERED = {"contract", "reassoc"}
-"""Sums may be taken in any order, which changes rounding alone, so that they are vectorised."""
 
-
-@numba.njit(cache=True, error_model="numpy", fastmath=_REORDERED)
+@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
 def _anchor_by(sums: Float, whole: Float, prior: float) -> tuple[float, float]:
     """Mean and standard deviation of the anchor's depth / h, mm, by dents that are tried.
 

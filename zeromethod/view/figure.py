@@ -102,7 +102,7 @@ def _camera_row(axes: Image, result: RunResult, grid: NodeGrid) -> None:
     columns, rows = slice(*extent[:2]), slice(*extent[2:])
     for axis, name, step in zip(
         axes,
-        ("before", "pressed", _seen(result)),
+        ("before", "pressed", result.rig.control.reads),
         (result.before, result.pressed, result.nulled),
         strict=False,
     ):
@@ -112,11 +112,6 @@ def _camera_row(axes: Image, result: RunResult, grid: NodeGrid) -> None:
         part = step.image[rows, columns]
         axis.imshow(part, cmap="gray", vmin=0, extent=(extent[0], extent[1], extent[3], extent[2]))
         labelled(axis, f"camera, {name} ({step.time_s:.2f} s)", "u, camera px", "v, camera px")
-
-
-def _seen(result: RunResult) -> str:
-    """How the mirror was seen when it was read."""
-    return "read" if result.rig.control.passive else "nulled"
 
 
 def _crop(nulled: Step | None, grid: NodeGrid) -> tuple[int, int, int, int]:
@@ -160,7 +155,9 @@ def _read_maps(axes: list[Axes], result: RunResult, nulled: Step) -> None:
     if result.true_mirror is not None:
         mirror = result.true_mirror(nulled.time_ns)
         true_mm = mirror.depth(surface.x_mm, surface.y_mm)
-    draw_map(axes[0], surface, residual_px, f"residual when {_seen(result)}", "camera px", signed=False)
+    draw_map(
+        axes[0], surface, residual_px, f"residual when {result.rig.control.reads}", "camera px", signed=False
+    )
     draw_map(axes[1], surface, applied_px[..., 0], "applied warp, along LCD columns", "LCD px")
     draw_map(axes[2], surface, measured_px[..., 0], "measured warp, along LCD columns", "LCD px")
     draw_map(axes[3], surface, 1e3 * surface.slope[..., 0], "slope dd/dx", "mrad")

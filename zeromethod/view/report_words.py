@@ -60,11 +60,10 @@ def warnings(silent_s: float, figures: Figures) -> Iterator[str]:
 
 def summary_rows(figures: Figures, rig: Rig) -> Iterator[tuple[str, str]]:
     """The figures of the summary that were measured."""
-    passive = rig.control.passive
     if figures["state"]:
         yield "state at the end", f"{figures['state']}: {figures['reason']}"
         yield (
-            "passive or resting" if passive else "locked or resting",
+            "passive or resting" if rig.control.passive else "locked or resting",
             f"{figures['locked_share']:.1%} of the time",
         )
     for label, key in (("peak of largest |depth|", "largest"), ("last peak", "last")):
@@ -78,7 +77,7 @@ def summary_rows(figures: Figures, rig: Rig) -> Iterator[tuple[str, str]]:
         yield f"contact {one['id']}", f"{area} {place}{force}, {one['from_s']:.2f} to {one['to_s']:.2f} s"
     residual = figures["residual_px_rms"]
     if residual["median"] is not None:
-        while_ = "read" if passive else "nulled"
+        while_ = rig.control.reads
         yield (
             f"residual while {while_}",
             f"{residual['median']:.4f} camera px rms (99 %: {residual['p99']:.4f})",

@@ -14,6 +14,7 @@ import numba
 import numpy as np
 
 from zeromethod.arrays import Float
+from zeromethod.rounding import REORDERED
 
 HALF_WIDTH = 8
 PASS_TO = 0.225
@@ -54,7 +55,7 @@ def gain(f_cycles_per_node: float | Float) -> Float:
     return np.asarray(TAPS[0] + 2.0 * np.cos(2 * np.pi * f[..., None] * k) @ TAPS[1:])
 
 
-@numba.njit(cache=True, fastmath={"contract", "reassoc"})
+@numba.njit(cache=True, fastmath=REORDERED)
 def _filter_line(flat: Float, middle: int, step: int, out: Float) -> None:
     """Filter into `out` (n,) the entries of `flat` from `middle` on, neighbours `step` apart.
 
