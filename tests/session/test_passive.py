@@ -9,6 +9,7 @@ import pytest
 from small_rigs import quarter
 
 import zeromethod as zm
+from zeromethod.cli.output import write_picture
 from zeromethod.clock import HostClock
 from zeromethod.devices.protocols import Frame
 from zeromethod.drivers.blank import BlankDisplay
@@ -96,8 +97,9 @@ def test_a_camera_alone_reads_a_printed_pattern(kept, passive):
     assert np.sqrt(np.mean(apart**2)) < 0.05
 
 
-def test_the_printed_pattern_is_the_picture_at_rest_at_its_true_size(passive):
-    image, dots_per_inch = printed_pattern(passive)
+def test_the_printed_pattern_is_the_picture_at_rest_at_its_true_size(passive, tmp_path):
+    image = printed_pattern(passive)
+    dots_per_inch = write_picture("--pattern", tmp_path / "print.png", image, passive.display.pitch_mm)
     assert image.shape == (270, 480)
     assert dots_per_inch == pytest.approx(25.4 / 0.252)
     # crossed cosines of contrast 0.9 round mean 0.5, by the curve of sRGB, near a power of 2.2

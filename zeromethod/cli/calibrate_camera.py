@@ -10,7 +10,6 @@ import click
 from rich.console import Console
 from rich.table import Table
 
-from zeromethod.atomic_write import atomic_write
 from zeromethod.calibration.camera_file import save_camera
 from zeromethod.calibration.charuco import DEFAULT_DICTIONARY, DICTIONARIES, Board, board_of
 from zeromethod.calibration.intrinsics import LEAST_VIEWS, CameraFit, fit_camera
@@ -26,11 +25,13 @@ from zeromethod.cli.device_options import (
 )
 from zeromethod.cli.numbers import Real, Whole
 from zeromethod.cli.output import (
+    INCH_MM,
     REPLACES,
     OutputFile,
     TerminalPrompts,
     several,
     summary_option,
+    write_picture,
     write_summary,
     writing,
 )
@@ -46,7 +47,6 @@ from zeromethod.thread_limits import limit_threads
 from zeromethod.view.progress import progress
 from zeromethod.view.table import text_table
 
-_MM_PER_INCH = 25.4
 _board_options = several(
     click.option(
         "--board",
@@ -77,8 +77,6 @@ def board_command(
     board_text: str, dictionary: str, dpi: float | None, rig_name: str | None, output: Path
 ) -> None:
     """Draw a ChArUco board, to print or to show on the LCD."""
-    from matplotlib.image import imsave  # noqa: PLC0415 - it loads slowly
-
     board = board_of(board_text, dictionary)
     if rig_name is not None and dpi is None:
         rig = given_rig(rig_name)
@@ -86,7 +84,7 @@ def board_command(
         picture = board.on_lcd(square_px, rig.display.columns, rig.display.rows)
         words = f"show it full screen, unscaled: squares of {square_px} px"
     elif dpi is not None and rig_name is None:
-        square_px = round(board.square_mm * dpi / _MM_PER_INCH)
+        square_px = round(board.square_mm * dpi / INCH_MM)
         picture = board.picture(square_px)
         words = (
             "print it unscaled, glue it to something flat, and measure it: "
@@ -94,9 +92,7 @@ def board_command(
         )
     else:
         raise InputError("--dpi, --rig: one of them: the board for a printer or for an LCD")
-    true_dpi = _MM_PER_INCH * square_px / board.square_mm
-    with writing("--output", output), atomic_write(output) as part:
-        imsave(part, picture, cmap="gray", vmin=0, vmax=255, dpi=true_dpi, format="png")
+    write_picture("--output", output, picture, board.square_mm / square_px)
     click.echo(words)
 
 

@@ -7,10 +7,16 @@ from typing import Any
 
 import click
 
-from zeromethod.atomic_write import atomic_write
 from zeromethod.cli.device_options import given_rig
 from zeromethod.cli.numbers import Real
-from zeromethod.cli.output import REPLACES, OutputFile, summary_option, wide_console, write_summary, writing
+from zeromethod.cli.output import (
+    REPLACES,
+    OutputFile,
+    summary_option,
+    wide_console,
+    write_picture,
+    write_summary,
+)
 from zeromethod.design import (
     DEFAULT_KINDS,
     PressKind,
@@ -104,13 +110,9 @@ def design_command(
 
 
 def _print_pattern(rig: Rig, path: Path) -> None:
-    from matplotlib.image import imsave  # noqa: PLC0415 - loads slowly
-
-    image, dots_per_inch = printed_pattern(rig)
-    with writing("--pattern", path), atomic_write(path) as part:
-        imsave(part, image, cmap="gray", vmin=0, vmax=255, dpi=dots_per_inch, format="png")
+    pitch_mm, image = rig.display.pitch_mm, printed_pattern(rig)
+    dots_per_inch = write_picture("--pattern", path, image, pitch_mm)
     rows, cols = image.shape
-    pitch_mm = rig.display.pitch_mm
     click.echo(f"{path}: print it {cols * pitch_mm:.2f} x {rows * pitch_mm:.2f} mm, {dots_per_inch:.1f} dpi")
 
 

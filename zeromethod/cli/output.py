@@ -13,9 +13,12 @@ import click
 import numpy as np
 from rich.console import Console
 
+from zeromethod.arrays import Bytes
 from zeromethod.atomic_write import atomic_write, check_writable
 from zeromethod.errors import InputError
 from zeromethod.view.progress import progress
+
+INCH_MM = 25.4
 
 REPLACES = "Replaces a file."
 """What can be made again is replaced, in one move; recordings and rig files, made once, are refused."""
@@ -91,6 +94,16 @@ def writing(option: str, path: Path) -> Iterator[None]:
     except OSError as error:
         why = error.strerror or " ".join(str(error).split())
         raise InputError(f"{option}: {path}: cannot be written: {why}") from None
+
+
+def write_picture(option: str, path: Path, picture: Bytes, pixel_mm: float) -> float:
+    """Write grey codes (rows, cols) to the .png of an option, for a printer; its dots per inch."""
+    from matplotlib.image import imsave  # noqa: PLC0415 - it loads slowly
+
+    dots_per_inch = INCH_MM / pixel_mm
+    with writing(option, path), atomic_write(path) as part:
+        imsave(part, picture, cmap="gray", vmin=0, vmax=255, dpi=dots_per_inch, format="png")
+    return dots_per_inch
 
 
 def write_summary(path: Path | None, figures: dict[str, Any]) -> None:

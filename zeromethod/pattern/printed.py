@@ -14,20 +14,18 @@ from zeromethod.warp.rest import Rest
 GAMMA = 2.2
 """Of grey codes on paper: printers take a picture for sRGB, whose curve is near it."""
 
-INCH_MM = 25.4
 
-
-def printed_pattern(rig: Rig) -> tuple[Bytes, float]:
-    """Grey codes (rows, cols) of the rig's display while nothing presses, and dots per inch at true size.
+def printed_pattern(rig: Rig) -> Bytes:
+    """Grey codes (rows, cols) of the rig's display while nothing presses.
 
     Row 0 at the top, as one looks at the side that faces the prism. Raises InputError for a rig that sees no
     display, or where nothing can draw.
     """
-    rest, display = Rest.of(rig, Optics(rig)), rig.display
+    rest = Rest.of(rig, Optics(rig))
     context = create_context()
     with context:
         lattice = rest.grid, rest.q, rest.display_size
         renderer = PatternRenderer(context, *lattice, Target.from_spec(rig.target), Response(GAMMA))
         image = renderer.image(rest.q)
     context.release()
-    return image, INCH_MM / display.pitch_mm
+    return image
