@@ -86,6 +86,8 @@ def running(
     """`zeromethod run` in the folder, once its device hangs; terminal: file descriptor of its own."""
 
     def take_terminal() -> None:
+        # under nohup, which the program respects, all that is started ignores it
+        signal.signal(signal.SIGHUP, signal.SIG_DFL)
         os.setsid()
         fcntl.ioctl(0, termios.TIOCSCTTY, 0)
 
