@@ -51,8 +51,8 @@ def _step(d: Float, flags: Flags, period: float, k: int, r: int, c: int, y: int,
     """Change of d, px, from node (r, c) to (y, x) to the nearest period; 0 where that one is flagged."""
     if flags[y, x] != 0:
         return 0.0
-    step: float = d[y, x, k] - d[r, c, k]
-    return step - period * np.rint(step / period)
+    step = d[y, x, k] - d[r, c, k]
+    return float(step - period * np.rint(step / period))
 
 
 @numba.njit(cache=True)
