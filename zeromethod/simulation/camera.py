@@ -21,6 +21,7 @@ from zeromethod.simulation.press import Mirror
 from zeromethod.simulation.renderer import Piece
 from zeromethod.simulation.scenario import Scenario, scenario_of
 from zeromethod.simulation.sensor import Sensor
+from zeromethod.simulation.surroundings import Surroundings
 
 
 class SimulatedCamera:
@@ -43,6 +44,7 @@ class SimulatedCamera:
         self._delivery = Delivery(rig)
         self._sensor = Sensor(rig)
         self._nuisances = Nuisances(rig)
+        self._surroundings = Surroundings(rig)
         self._moved = 0.0, 0.0
         self._closed = False
         opened_ns = clock.now_ns()
@@ -132,17 +134,22 @@ class SimulatedCamera:
         end_ns = start_ns + self._delivery.exposure_ns
         moved = moved_share(self._rig, number), self._nuisances.kelvin(start_ns)
         if moved != self._moved:
-            self._display.renderer.move(warmed_rig(moved_rig(self._rig, moved[0]), moved[1]))
+            rig = warmed_rig(moved_rig(self._rig, moved[0]), moved[1])
+            self._display.renderer.move(rig)
+            self._surroundings.move(rig)
             self._moved = moved
+        backlight = self._rig.light.brightness * self._nuisances.backlight(start_ns, end_ns)
         pieces = exposure_pieces(
             self.scenario,
             self._display.panel,
             self._display.presentations,
             start_ns,
             end_ns,
-            backlight=self._nuisances.backlight(start_ns, end_ns) if self._delivery.lit(number) else 0.0,
+            backlight=backlight if self._delivery.lit(number) else 0.0,
         )
         light: Single = self._display.renderer.expose(pieces)
+        mirror = self.scenario.mirror_at((start_ns + end_ns) // 2)
+        light = self._surroundings.on(light, mirror, start_ns, end_ns)
         return self._sensor.image(self._nuisances.on(light, start_ns, end_ns), number)
 
 
