@@ -106,7 +106,9 @@ class Footprint:
         """
         d[~usable] = 0.0
         kernel, around = self._kernel, np.ones((len(self._kernel), len(self._kernel)), np.uint8)
-        out = np.asarray(cv2.sepFilter2D(d, -1, kernel, kernel, borderType=cv2.BORDER_REFLECT_101))
+        out: Single = np.asarray(
+            cv2.sepFilter2D(d, -1, kernel, kernel, borderType=cv2.BORDER_REFLECT_101), np.float32
+        )
         if not usable.all():
             beside = cv2.erode(usable.view(np.uint8), around) == 0
             out[beside] = d[beside]
