@@ -18,6 +18,7 @@ from small_rigs import BENCH_160, small_rig_file
 import benchmarks
 from benchmarks.against_peers.open_loop import coarser
 from zeromethod.drivers.monitors import Monitor
+from zeromethod.resources import resource
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.save import save_values
 
@@ -58,11 +59,11 @@ REFUSALS = [
     ("walk", "No such command 'walk'"),
     ("run --colour red", "--colour"),
     ("run --rig nowhere.toml", "nowhere.toml"),
-    ("run --rig nothing", "--rig: \"nothing\": a file, or one of the packaged cylinder, dome, paper"),
+    ("run --rig nothing", "--rig: \"nothing\": a file, or one of the packaged contactless, cylinder"),
     ("run --rig calibrations", "\"calibrations\": a folder: give the file in it: calibrations/my/b/rig.toml"),
     ("check --rig calibrations/my/a", "a folder: give the file in it: calibrations/my/a/rig.toml"),
-    ("run --scenario nothing", "--scenario: nothing: a press file (.toml), or one of ball, bars, cone"),
-    ("virtual-bench --scenario nothing", "--scenario: nothing: a press file (.toml), or one of ball"),
+    ("run --scenario nothing", "--scenario: nothing: a press file (.toml), or one of approach, ball"),
+    ("virtual-bench --scenario nothing", "--scenario: nothing: a press file (.toml), or one of approach"),
     ("run --rig jelly.toml", 'rubber.support: "jelly": one of "bonded", "sliding", "free", or a table of'),
     ("run --gain 2", "--gain: 2: a number above 0, at most 1"),
     ("run --frames 0", "--frames: 0: a whole number from 1"),
@@ -74,6 +75,12 @@ REFUSALS = [
     ("check --rig printed", "rig 'printed': control.controller: 'passive': a pattern that stays cannot"),
     ("run --passive --fine", "--passive and --fine: give one of them: a passive run has no loop"),
     ("design --pattern print.jpg", "--pattern: print.jpg: the file name must end in .png"),
+    ("run --watch-camera 1", "--watch-camera: '1': rig 'simulated' has no table [watch]; allowed: with"),
+    ("run --rig contactless --watch-camera nowhere", "--watch-camera: 'nowhere': allowed: an index (0)"),
+    ("run --rig contactless --watch-camera 1", "watch.driver: 'opencv': camera and watch camera are both"),
+    ("run --rig contactless --watch-camera 1 --simulate", "--simulate and --watch-camera: give one of"),
+    ("run --rig odd.toml", "watch.columns: 321: an even number: two views side by side"),
+    ("run --rig blind.toml", "watch.look_at_mm: hardly any ray of the watch camera goes out by the mirror"),
     ("run --controller magic", "--controller: 'magic' is not one of 'composition', 'integrator'."),
     ("run --figure run.jpeg", "--figure: run.jpeg: the file name must end in .png"),
     ("run --summary no/such/folder/run.json", "--summary: no/such/folder/run.json: the folder "),
@@ -326,6 +333,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     save_values(small, {"camera.driver": "opencv", "camera.source": 0}, folder / "opencv.toml")
     text = small.read_text()
     (folder / "jelly.toml").write_text(text.replace('support = "free"', 'support = "jelly"'))
+    watched = resource("calibration", "rigs", "contactless.toml").read_text()
+    (folder / "odd.toml").write_text(watched.replace("columns = 320 ", "columns = 321 "))
+    (folder / "blind.toml").write_text(watched.replace("[75.0, 0.0, -24.9]", "[75.0, 0.0, -500.0]"))
     (folder / "lit.toml").write_text(text + '\n[light]\nsource = "lamp"\n')
     grey = np.random.default_rng(0).integers(0, 256, (120, 140), dtype=np.uint8)
     for name, image in (("rest", grey), ("small", grey[:60, :60])):

@@ -241,6 +241,11 @@ class Circle:
         coded = (False, False) if burst is None else (burst.blinding, burst.unread)
         return FrameResult(changed, refusal, observation, *seen, order, *coded)
 
+    def expect_touch(self, expected: bool) -> None:
+        """Keep coded pictures away while a touch is expected: its first frame is to be measured."""
+        if self.burst is not None:
+            self.burst.waits = expected
+
     def settle(self) -> None:
         """Learn from the last frame what only later ones need: best once its command was given away."""
         learnt, self._unlearned = self._unlearned, None
