@@ -17,7 +17,7 @@ _SAID = ("x_mm", "y_mm", "sigma_x_mm", "sigma_y_mm", "diameter_mm", "sigma_diame
 
 
 def approach_rows(records: Sequence[StepFigures]) -> list[dict[str, float]]:
-    """One row per approach that armed the loop: since when, and what was expected last, times in s of the run."""
+    """One row per approach that armed the loop: since when, and what was expected last; s of the run."""
     rows: list[dict[str, float]] = []
     armed = False
     for record in records:
