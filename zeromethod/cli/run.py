@@ -156,8 +156,7 @@ def run_command(
         _check_passive(by, given_options(click.get_current_context()))
         if options.address is not None and options.monitor is None:
             rig = without_display(rig)
-    if watch_address is not None:
-        rig = with_watch_camera(rig, watch_address)
+    rig = with_watch_camera(rig, watch_address)
     if simulate:
         if given := (*options.given, *(["--watch-camera"] if watch_address else [])):
             raise InputError(f"--simulate and {given[0]}: give one of them, not both")

@@ -50,11 +50,13 @@ def with_camera(rig: Rig, address: str, settings: Mapping[str, Any] | None = Non
     return _with_device(rig, "camera", rig.camera, {"driver": driver} | options | dict(settings or {}))
 
 
-def with_watch_camera(rig: Rig, address: str) -> Rig:
-    """Rig whose watch camera is the one at `address`.
+def with_watch_camera(rig: Rig, address: str | None) -> Rig:
+    """Rig whose watch camera is the one at `address`; as it is for None.
 
     Raises InputError (one line) for an address that is not allowed, or a rig without a watch camera.
     """
+    if address is None:
+        return rig
     if rig.watch is None:
         raise InputError(
             f"--watch-camera: {address!r}: rig {rig.name!r} has no table [watch]; allowed: with a rig that "

@@ -267,14 +267,8 @@ class Loop:
         if result.coded:
             events += (Event.BURST,)
             self._notices.add(Notice(Event.BURST, BURST_WORDS))
-        state = (
-            self.paused,
-            partial(self._at_rest, result),
-            self.bench.doubt or self.doubt,
-            self._passive,
-            self.coming,
-        )
-        outcome = frame_outcome(verdict, result, refusal, events, *state)
+        state = self.paused, partial(self._at_rest, result), self.bench.doubt or self.doubt, self._passive
+        outcome = frame_outcome(verdict, result, refusal, events, *state, self.coming)
         self.over |= verdict.wrong and self._check.wrong_frames >= WRONG_FRAMES_TO_END
         if trouble is not None:
             events += trouble.events

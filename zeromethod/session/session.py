@@ -234,9 +234,8 @@ class Session:
             # ended here and now, not when the interpreter comes to forget it
             stack.callback(steps.close)
             try:
-                for each in steps:
-                    step = self._watching.seen(each)
-                    step = replace(step, phase=self._phase(each.time_ns), readable=is_readable(each))
+                for each in map(self._watching.seen, steps):
+                    step = replace(each, phase=self._phase(each.time_ns), readable=is_readable(each))
                     reading.post(step if step.readable else replace(step, measured=None))
                     self.recording.poll()
                     step = replace(step, calls=self._taken_calls())
