@@ -59,7 +59,8 @@ class WatchReader:
             if left.darker == right.darker and (spot := spot_of(self.exits, (left, right))) is not None
         ]
         approach = self._follow(spots, time_ns)
-        misses = approach.armed and not self._mirror.on_mirror(approach.x_mm, approach.y_mm)
+        x, y = np.array([approach.x_mm, approach.y_mm])
+        misses = approach.armed and not self._mirror.on_mirror(x, y)
         return replace(approach, watching=Watching.SEEN) if misses else approach
 
     def _follow(self, spots: list[Spot], time_ns: int) -> Approach:

@@ -82,14 +82,14 @@ class _Planar:
         window = silhouette.rows, silhouette.cols
         foot, tangent = exits.foot[window], exits.tangent[window]
         place: Float = foot + z * tangent
-        by_row, by_col = np.gradient(place, axis=(0, 1))
-        pixel_mm2 = np.abs(by_row[..., 0] * by_col[..., 1] - by_row[..., 1] * by_col[..., 0])
+        by_row, by_col = (np.gradient(place, axis=axis) for axis in (0, 1))
+        pixel_mm2: Float = np.abs(by_row[..., 0] * by_col[..., 1] - by_row[..., 1] * by_col[..., 0])
         weight = silhouette.cover * pixel_mm2 * exits.valid[window]
         self.area_mm2 = float(weight.sum())
-        share = weight / self.area_mm2
+        share: Float = weight / self.area_mm2
         self.place: Float = np.einsum("ij,ijk->k", share, place)
         self.tangent: Float = np.einsum("ij,ijk->k", share, tangent)
-        off = place - self.place
+        off: Float = place - self.place
         # a pixel is no point: its own second moments are no part of the thing's
         blur = pixel_mm2.mean() / 12.0
         self.shape = np.einsum("ij,ijk,ijl->kl", share, off, off) - blur * np.eye(2)

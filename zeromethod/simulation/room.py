@@ -66,4 +66,5 @@ class Room:
         c, s = math.cos(angle), math.sin(angle)
         along, across = c * x + s * y - speed * (2.4 * share - 1.2), c * y - s * x - off
         with np.errstate(invalid="ignore", over="ignore"):
-            return 1.0 - dark * np.exp(-((along / width) ** 2) - (across / length) ** 2)
+            left: Single = 1.0 - dark * np.exp(-((along / width) ** 2) - (across / length) ** 2)
+        return left
