@@ -17,7 +17,7 @@ import numpy as np
 from zeromethod.arrays import Float, Image, Mask, Single
 from zeromethod.decoding.burst import RADIUS_PX, moves, node_places, pixel_places
 from zeromethod.exposure.pairing import Observation
-from zeromethod.loop.failing_nodes import REACH_NODES, FailingNodes, grown
+from zeromethod.loop.failing_nodes import CANNOT, REACH_NODES, FailingNodes, grown
 from zeromethod.loop.node_figures import quiet_share
 from zeromethod.pattern.coded import MOST_PARTS, PICTURES, SHIFTS, Coded
 from zeromethod.sensing.residual import Residual
@@ -48,6 +48,9 @@ CARRIED = 3.0
 RING_NODES = 4
 """Nodes around those that are read that are watched."""
 
+SPARE_NODES = 3
+"""Nodes around that are read, too, as they see the same fringes. They may fail once what was read is drawn."""
+
 BLIND_NODES = 2
 """A node this close to one that sees fringes has them in its window."""
 
@@ -63,21 +66,22 @@ _ALL = 0.999
 _PURE = 5e-3
 """Most light of another picture in an exposure that saw one alone."""
 
-_CODED = np.uint16(Flag.CODED)
+_CANNOT, _CODED = np.uint16(CANNOT), np.uint16(Flag.CODED)
 
 
 @dataclass(frozen=True, slots=True)
 class Read:
     """What a burst read.
 
-    q, sigma: (rows, cols, 2) LCD px. mask: nodes read, of those in the region. ring, ring_q: nodes around
-    that are watched. places, known: (h, w, 2) LCD px of single pixels, and which were read, from the image's
+    q, sigma: (rows, cols, 2) LCD px. mask: nodes that count by it. spare: nodes around these that do where
+    they fail. region: nodes that wait for no other burst. ring, ring_q: nodes around that are watched. places, known: (h, w, 2) LCD px of single pixels, and which were read, from the image's
     row `top` and column `left` on. time_ns: of the last picture.
     """
 
     q: Float
     sigma: Float
     mask: Mask
+    spare: Mask
     region: Mask
     ring: Mask
     ring_q: Float
@@ -110,7 +114,8 @@ class _Running:
         for part in self.parts:
             inside |= np.logical_and(thought >= part[:2], thought <= part[2:]).all(axis=-1)
         self.blind: Mask = grown(inside, BLIND_NODES) | self.region
-        self.nodes = np.argwhere(self.region)
+        self.spare: Mask = grown(self.region, SPARE_NODES) & self.blind & grid.measurable & ~self.region
+        self.nodes = np.argwhere(self.region | self.spare)
         rows, columns = grid.v_px[self.nodes[:, 0]].astype(int), grid.u_px[self.nodes[:, 1]].astype(int)
         self.top, self.left = max(int(rows.min()) - RADIUS_PX, 0), max(int(columns.min()) - RADIUS_PX, 0)
         self.bottom, self.right = int(rows.max()) + RADIUS_PX + 1, int(columns.max()) + RADIUS_PX + 1
@@ -153,10 +158,12 @@ class _Running:
         q, sigma = np.full_like(self.thought, np.nan), np.full_like(self.thought, np.inf)
         rows, columns = self.nodes.T
         q[rows, columns], sigma[rows, columns] = found, off
-        mask: Mask = np.isfinite(q[..., 0])
+        known_at: Mask = np.isfinite(q[..., 0])
+        mask, spare = known_at & self.region, known_at & self.spare
         ring: Mask = grown(self.blind, RING_NODES) & ~self.blind & (self._count >= PICTURES // 2)
         ring_q = self._sum / np.maximum(self._count, 1)[..., None]
-        return Read(q, sigma, mask, self.region, ring, ring_q, places, known, self.top, self.left, time_ns)
+        nodes = mask, spare, self.region | spare, ring
+        return Read(q, sigma, *nodes, ring_q, places, known, self.top, self.left, time_ns)
 
 
 class Burst:
@@ -271,10 +278,11 @@ class Burst:
             self.read = None
             self._failing.forget()
             return None
-        measured.q[read.mask] = read.q[read.mask]
-        measured.sigma[read.mask] = np.sqrt(read.sigma[read.mask] ** 2 + CARRIED**2 * moved2)
-        measured.flags[read.mask] = 0
-        return read.mask
+        nodes = read.mask | (read.spare & (measured.flags & _CANNOT != 0))
+        measured.q[nodes] = read.q[nodes]
+        measured.sigma[nodes] = np.sqrt(read.sigma[nodes] ** 2 + CARRIED**2 * moved2)
+        measured.flags[nodes] = 0
+        return nodes
 
     def _hold(self, burst: _Running, measured: Warp) -> Mask:
         """Keep what was known of nodes that see fringes; the others are flagged."""
