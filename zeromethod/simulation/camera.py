@@ -23,6 +23,8 @@ from zeromethod.simulation.scenario import Scenario, scenario_of
 from zeromethod.simulation.sensor import Sensor
 from zeromethod.simulation.surroundings import Surroundings
 
+LEAST_EXPOSURE_S = 1e-5
+
 
 class SimulatedCamera:
     """A `Camera` that looks at a `SimulatedDisplay`.
@@ -87,9 +89,19 @@ class SimulatedCamera:
         self._last = number
         image = self._image(number)
         self._keep_pictures()
-        exposure_ns = self._delivery.exposure_ns
+        exposure_ns = self._delivery.exposure_ns(number)
         middle_ns = self._delivery.start_ns(number) + exposure_ns // 2
         return Frame(image, middle_ns, exposure_ns, number, dropped)
+
+    def set_exposure(self, exposure_s: float) -> float:
+        """Expose frames that start from now on for so long; light that is gathered grows with it."""
+        longest_s = 1 / self._rig.camera.rate_hz
+        if not LEAST_EXPOSURE_S <= exposure_s <= longest_s * (1 + 1e-6):
+            allowed = f"at least {LEAST_EXPOSURE_S:g} and at most {longest_s:.6g}"
+            raise InputError(f"camera.exposure_s: {exposure_s:g}: the simulated camera takes {allowed}")
+        exposure_ns = round(1e9 * exposure_s)
+        self._delivery.expose(self._clock.now_ns(), exposure_ns)
+        return 1e-9 * exposure_ns
 
     def close(self) -> None:
         """Stop looking; safe to call twice. The display stays open."""
@@ -131,7 +143,8 @@ class SimulatedCamera:
     def _exposed(self, number: int) -> Image:
         """Image of what frame `number` was truly exposed to."""
         start_ns = self._delivery.start_ns(number)
-        end_ns = start_ns + self._delivery.exposure_ns
+        exposure_ns = self._delivery.exposure_ns(number)
+        end_ns = start_ns + exposure_ns
         moved = moved_share(self._rig, number), self._nuisances.kelvin(start_ns)
         if moved != self._moved:
             rig = warmed_rig(moved_rig(self._rig, moved[0]), moved[1])
@@ -150,7 +163,9 @@ class SimulatedCamera:
         light: Single = self._display.renderer.expose(pieces)
         mirror = self.scenario.mirror_at((start_ns + end_ns) // 2)
         light = self._surroundings.on(light, mirror, start_ns, end_ns)
-        return self._sensor.image(self._nuisances.on(light, start_ns, end_ns), number)
+        light = self._nuisances.on(light, start_ns, end_ns)
+        gathered = np.float32(1e-9 * exposure_ns / self._rig.camera.exposure_s)
+        return self._sensor.image(light if gathered == 1 else gathered * light, number)
 
 
 _GAUSS_LEGENDRE = 1 / np.sqrt(3.0)
