@@ -127,8 +127,8 @@ def best_s(rig: Rig) -> float:
     with pad(rig, 0.0 if rig.light.by_mirror else LAST_S) as bench:
         for exposure_s in frame_s * 1.1 ** -np.arange(24.0):
             with exposed(bench, float(exposure_s)) as session:
-                seen = [step.residual for step in session.run(frames=14) if step.residual is not None]
-                sums = [np.sum(np.where(one.valid[..., None], one.sigma**-2.0, 0.0)) for one in seen[-6:]]
+                seen = [step.residual for step in session.run(frames=9) if step.residual is not None]
+                sums = [np.sum(np.where(one.valid[..., None], one.sigma**-2.0, 0.0)) for one in seen[-4:]]
             found.append((float(np.median(sums)) if sums else 0.0, float(exposure_s)))
             if found[-1][0] < 0.5 * max(found)[0]:
                 break
