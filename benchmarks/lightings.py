@@ -55,7 +55,7 @@ CASES: Sequence[tuple[str, str, dict[str, Any]]] = (
 REFERENCES = frozenset({"clean", "passive by the LCD"})
 DEPTH_MM, TOUCH_S, SETTLED_S, LAST_S = 0.1, 0.5, 0.75, 2.2
 """The pad's press: when it comes, from when it counts, and when the run ends; a burst takes most of that."""
-LOOK_S, LOOKS = 0.35, 5
+LOOK_S, LOOKS = 1.6, 5
 """How long focus looks, and how often its advice is followed while the picture saturates."""
 GOOD = NULLED | {State.PASSIVE}
 MOST_ERROR, BEYOND_PERCENT, WITHIN, PASSIVE_PERCENT = 2.0, 1.0, 1.3, 1.5

@@ -27,6 +27,8 @@ LOOK_AGAIN_S = 5.0
 """How often the LCD is looked for again while it is not seen as it should be."""
 
 FLICKER_FRAMES = 16
+BRIGHT_FRAMES = 600
+"""Of so many frames the brightest counts: clouds go."""
 
 
 class Flicker:
@@ -110,6 +112,7 @@ class SettingUp:
         self._rig = self._meter.rig
         self._patterns = TimedPatterns(self._rig, devices, SETTLE_S)
         self._flicker = Flicker(rig.camera.noise.black_grey)
+        self._bright: deque[float] = deque(maxlen=BRIGHT_FRAMES)
         self._plain = PlainPictures(self._meter.rest) if with_lcd else None
         self._drawer = Drawer(self._rig, devices.display, self._meter.rest) if with_lcd else None
 
@@ -152,10 +155,11 @@ class SettingUp:
         rig, flicker = self._rig, self._flicker
         stray_grey = 0.0 if seen is None or math.isnan(seen.stray_grey) else seen.stray_grey
         report = self._meter.look(frame.image, stray_grey)
-        share = flicker.note(report.mean_grey, 1e-9 * frame.time_ns, light_share(report, rig, stray_grey))
+        self._bright.append(light_share(report, rig, stray_grey))
+        share = flicker.note(report.mean_grey, 1e-9 * frame.time_ns)
         hz = flicker.mains_hz if share > FLICKER_SHARE else math.nan
         exposure_s = 1e-9 * frame.exposure_ns
-        wanted_s = advised_exposure_s(report, rig, exposure_s, flicker.brightest, hz)
+        wanted_s = advised_exposure_s(report, rig, exposure_s, max(self._bright), hz)
         said = advice(report, rig, seen, share, exposure_s=exposure_s, wanted_s=wanted_s, hz=hz)
         place = placed(report, seen, rig.target.period_px)
         advised_s = min(wanted_s, 1 / rig.camera.rate_hz)
@@ -169,4 +173,5 @@ class SettingUp:
         images = [patterns.frames(codes, 1)[0].image for codes in self._plain.pictures]
         patterns.after(self._drawer.draw(self._meter.rest.q), 1)
         self._flicker.forget()
+        self._bright.clear()
         return self._plain.judge(images, camera.noise.black_grey, float(2**camera.bits - 1))
