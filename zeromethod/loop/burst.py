@@ -192,6 +192,8 @@ class Burst:
         """What the last one read, until the mirror moves."""
         self.unread = False
         """Whether nodes wait for a burst that none has read, or one is under way for them."""
+        self.waits = False
+        """Whether none may begin, and one under way ends: something is about to touch."""
         self._shown: dict[int, int | None] = {}
 
     @property
@@ -230,7 +232,7 @@ class Burst:
             self._blinding = None
             return self._needed(residual, measured, thought)
         late = measured.time_ns - running.since_ns > 1e9 * LONGEST_S
-        if late or not self._at_rest(measured, thought, running.blind):
+        if late or self.waits or not self._at_rest(measured, thought, running.blind):
             self._running, self._quiet = None, -BROKEN_FRAMES
             return True
         running.watch(measured)
@@ -264,7 +266,7 @@ class Burst:
         wanted = need if again else new
         if not self._always:
             wanted = wanted & self._failing.lasting
-        if np.count_nonzero(wanted) < LEAST_NODES or self._quiet < QUIET_FRAMES:
+        if np.count_nonzero(wanted) < LEAST_NODES or self._quiet < QUIET_FRAMES or self.waits:
             return False
         self.unread = unread
         self._running = self._blinding = _Running(self._rest, need, thought, measured)
