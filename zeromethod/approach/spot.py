@@ -13,7 +13,7 @@ from zeromethod.arrays import Float
 _PASSES = 4
 LONG = 1.35
 """Longer axis over the shorter one, from which a thing is a rod, taken as round across."""
-HIGHEST_MM = 400.0
+HIGHEST_MM = 200.0
 MISS_MM, MISS_SHARE = 1.0, 0.01
 """By how much the two views may disagree across the direction that says how high a thing is: mm and a share
 of the height."""

@@ -22,6 +22,8 @@ SIGNIFICANT = 4.0
 SOON_S = 2.5
 """A touch that is farther away arms nothing."""
 SLOWEST_MM_S = 3.0
+JUMP_MM, JUMP_SHARE = 1.0, 0.02
+"""Scatter of heights about a straight line, mm and a share of the height, from which nothing comes."""
 MISSED_S = 0.12
 """How long a track goes on without a spot."""
 KEPT_S = 0.5
@@ -87,8 +89,11 @@ class Track:
                 return simple, 0.5 * sigma
         return float(np.clip(mean, 0.0, 1.0)), sigma
 
-    def _fitted(self) -> tuple[Float, Float, Float, Float]:
-        """Place and velocity now, (3,), and their sigmas: of the longest time that is straight."""
+    def _fitted(self) -> tuple[Float, Float, Float, Float, float]:
+        """Place and velocity now, (3,), their sigmas, and the scatter of heights, mm.
+
+        They are those of the longest time in which it went straight.
+        """
         times, places = np.array([t for t, _ in self._seen]), np.array([p for _, p in self._seen])
         least = FLOOR_MM + FLOOR_SHARE * abs(places[-1, 2]) + self._doubt_mm
         floor = np.array([0.5, 0.5, 1.0]) * least
@@ -104,13 +109,13 @@ class Track:
                 break
         spread = np.linalg.inv(design.T @ design)
         sigma = np.sqrt(np.diag(spread))[:, None] * np.maximum(scatter, floor)
-        return fitted[0], fitted[1], sigma[0], sigma[1]
+        return fitted[0], fitted[1], sigma[0], sigma[1], float(scatter[2])
 
     def approach(self) -> Approach:
         """What is known of it."""
         if len(self._seen) < LEAST_SPOTS:
             return Approach(watching=Watching.SEEN, time_ns=self.time_ns)
-        place, velocity, sigma_place, sigma_velocity = self._fitted()
+        place, velocity, sigma_place, sigma_velocity, scatter_mm = self._fitted()
         radius, (round_, sigma_round) = float(np.median(self._radii)), self._roundness()
         # a ball's silhouette is that of the cone around it: nearer than its middle, and smaller than it
         away = max(float(place[2]), 0.0) + self._lever_mm
@@ -126,7 +131,9 @@ class Track:
             "sigma_diameter_mm": 2 * ((0.3 if self._cut else 0.01) * radius + 0.06),
         }  # fmt: skip
         state = Watching.SEEN
-        if speed > max(SIGNIFICANT * sigma_speed, SLOWEST_MM_S):
+        # what jumps about is no body: shadows that were taken for one another
+        straight = scatter_mm < JUMP_MM + JUMP_SHARE * max(float(place[2]), 0.0)
+        if straight and speed > max(SIGNIFICANT * sigma_speed, SLOWEST_MM_S):
             contact = height / speed
             sigma_contact = float(np.hypot(sigma_height, contact * sigma_speed)) / speed
             x, y, _ = place + contact * velocity
