@@ -43,7 +43,7 @@ class Track:
 
     def __init__(self, now_ns: int, spot: Spot) -> None:
         self._seen: deque[tuple[float, Float]] = deque(maxlen=64)
-        self._start_ns, self._cut, self._long = now_ns, True, True
+        self._start_ns, self._cut, self._long, self._whole = now_ns, True, True, 0
         self._radii: deque[float] = deque(maxlen=30)
         self._rounds: deque[tuple[float, float]] = deque(maxlen=256)
         self.time_ns = now_ns
@@ -63,18 +63,29 @@ class Track:
         """Take in a spot."""
         self.time_ns, place = now_ns, spot.place
         self._lever_mm, self._slant2, self._doubt_mm = spot.lever_mm, spot.slant2, spot.doubt_mm
-        if not spot.cut and self._cut:
-            self._radii.clear()
+        self._whole = 0 if spot.cut else self._whole + 1
+        if self._cut and self._whole == LEAST_SPOTS:
+            # only now its middle and size are known
             self._cut = False
+            for seen in (self._seen, self._radii):
+                while len(seen) >= LEAST_SPOTS:
+                    seen.popleft()
         if not spot.cut or self._cut:
             self._radii.append(spot.radius_mm)
             self._long = not np.isfinite(spot.round_)
         else:
-            # what was seen whole is only partly in view now: along x its middle is not
-            place = np.array([self.last[0], *place[1:]])
+            # what was seen whole is only partly in view now: its height is, its middle is not
+            place = np.array([*self._expected(now_ns), place[2]])
         if np.isfinite(spot.round_):
             self._rounds.append((spot.round_, spot.weight))
         self._seen.append((1e-9 * (now_ns - self._start_ns), place))
+
+    def _expected(self, now_ns: int) -> Float:
+        """(2,) mm, where it is by now if it goes on as over the last spots."""
+        (before_s, before), (last_s, last) = self._seen[max(-len(self._seen), -8)], self._seen[-1]
+        gone_s = 1e-9 * (now_ns - self._start_ns) - last_s
+        rate = (last - before) / max(last_s - before_s, 1e-3)
+        return np.asarray((last + gone_s * rate)[:2])
 
     def _roundness(self) -> tuple[float, float]:
         """(roundness, sigma) of all spots, from 0, flat, to 1, round; what is near either counts as that."""
@@ -124,11 +135,12 @@ class Track:
         radius /= np.sqrt(1.0 - round_ * narrow)
         height, speed, sigma_speed = place[2] - round_ * below, -velocity[2], sigma_velocity[2]
         sigma_height = float(np.hypot(sigma_place[2], sigma_round * below))
+        share = 0.3 if self._cut else 0.04 if self._long else 0.01
         figures = {
             "height_mm": height, "sigma_height_mm": sigma_height,
             "speed_mm_s": speed, "sigma_speed_mm_s": sigma_speed,
             "diameter_mm": 2 * radius,
-            "sigma_diameter_mm": 2 * ((0.3 if self._cut else 0.01) * radius + 0.06),
+            "sigma_diameter_mm": 2 * (share * radius + 0.06),
         }  # fmt: skip
         state = Watching.SEEN
         # what jumps about is no body: shadows that were taken for one another
@@ -138,7 +150,7 @@ class Track:
             sigma_contact = float(np.hypot(sigma_height, contact * sigma_speed)) / speed
             x, y, _ = place + contact * velocity
             off = np.hypot(np.hypot(sigma_place, contact * sigma_velocity), sigma_contact * np.abs(velocity))
-            off[0] += 0.5 * radius if self._cut else 0.0
+            off[:2] += 2.0 * radius if self._cut else 0.0
             figures |= {
                 "contact_s": contact, "sigma_contact_s": sigma_contact,
                 "x_mm": x, "y_mm": y, "sigma_x_mm": off[0], "sigma_y_mm": off[1],
