@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 
 from benchmarks.lightings import CASES, DEPTH_MM, GOOD, LAST_S, PRINT, exposed, pad, rig_of
 
-FACTOR = 2
-SHOWN_NM = 300.0
+FACTOR = 4
+SHOWN_NM = 400.0
 TITLES = {PRINT: "print, lamp"}
 
 
