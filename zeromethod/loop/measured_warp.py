@@ -36,6 +36,7 @@ TRUSTED_SHARE = 0.5
 
 _MIXED = np.uint16(Flag.MIXED)
 _AMBIGUOUS = np.uint16(Flag.AMBIGUOUS)
+_SEAM = np.uint16(Flag.SEAM)
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,12 +202,14 @@ def measure_warp(
     _blank(q, flags)
     size, spacing_px = rest.display_size, grid.spacing_px
     flags |= warp_flags(q, rest.q, grid.period_px, size, spacing_px=spacing_px, rest_areas=rest.areas)
+    flags[rest.flags & _SEAM != 0] = _SEAM
     if observation.mixture is not None:
         flags[observation.mixture.mixed] |= _MIXED
     sigma_px = residual.sigma if hold is None else hold.flag(flags, residual.sigma)
     if (rest.visible & (flags != 0)).any():
         sudden = _change(residual.d, known.residual_px, flags) > SUDDEN_PERIODS * grid.period_px
-        doubt = order_in_doubt(flags == 0, np.zeros_like(known.trusted) if sudden else known.trusted)
+        # the picture goes on across a seam, and its order with it
+        doubt = order_in_doubt(flags & ~_SEAM == 0, np.zeros_like(known.trusted) if sudden else known.trusted)
         if doubt is not None:
             flags[doubt] |= _AMBIGUOUS
     sigma = np.empty_like(q)

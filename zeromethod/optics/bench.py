@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from zeromethod.arrays import Float, Mask
+from zeromethod.arrays import Bytes, Float, Mask
 from zeromethod.optics.camera import Camera
 from zeromethod.optics.fresnel import fresnel, s_share
 from zeromethod.optics.joining import TOUCHES_MM, Joining
@@ -12,7 +12,8 @@ from zeromethod.optics.layers import direction_between, through_slabs
 from zeromethod.optics.lever import lcd_per_slope
 from zeromethod.optics.mirror import HeightField, distance_to, normal_of, rest_surface
 from zeromethod.optics.panel import Panel
-from zeromethod.optics.prism import PrismGeometry
+from zeromethod.optics.prism import Face, PrismGeometry
+from zeromethod.optics.teeth import Saw, Teeth
 from zeromethod.optics.trace import Lost, Trace
 from zeromethod.optics.vectors import dot, reflect, unit
 from zeromethod.rig.model import Rig
@@ -47,6 +48,7 @@ class Optics:
     def __init__(self, rig: Rig) -> None:
         self.rig = rig
         self.prism = PrismGeometry(rig.prism)
+        self._saw = None if rig.prism.teeth is None else Saw(rig.prism)
         self.camera = Camera.place(rig.camera)
         self.rest: HeightField = rest_surface(rig)
         layers = rig.pattern_layers
@@ -55,7 +57,13 @@ class Optics:
         self._inner_slabs = [(s.index, s.thickness_mm) for s in layers[:-1]]
         self._last_index = layers[-1].index if layers else rig.prism.index
         slabs = [(rig.prism.index, 0.0), *self._inner_slabs]
-        self.joining = Joining.of(self.panel, self.prism.pattern_face, slabs, self._last_index)
+        faces = [self.prism.pattern_face] if self._saw is None else self._saw.pattern
+        self.joinings = [Joining.of(self.panel, face, slabs, self._last_index) for face in faces]
+
+    @property
+    def joining(self) -> Joining:
+        """Of the prism, or of a saw's tooth 0."""
+        return self.joinings[0]
 
     @property
     def length_mm(self) -> float:
@@ -109,6 +117,8 @@ class Optics:
             Points, mm, and unit vectors along the travel.
         """
         origin, direction = self.camera.rays(u, v)
+        if self._saw is not None:
+            return self._saw.enter(origin, direction, self.rig.prism.index)[:2]
         face = self.prism.camera_face
         slabs = [(s.index, s.thickness_mm) for s in reversed(self.rig.camera_layers)]
         outside = -face.depth_below(origin) - sum(t for _, t in slabs)
@@ -152,12 +162,13 @@ class Optics:
             LCD positions, mirror points, incidence, reflectance, paths, and why rays are lost.
         """
         point, outgoing, cos_incidence, reflectance = self.reflected(origin, direction, mirror)
-        q, path, on_mirror, on_face = self._by_prism(point, outgoing)
+        q, path, on_mirror, on_face, free = self._by_prism(origin, point, outgoing)
         lost = np.select(
             [np.isnan(direction[..., 0]), ~on_mirror, ~on_face, np.isnan(path), ~self.panel.contains(q)],
             _REASONS,
             np.where(reflectance < 1.0, np.uint8(Lost.BELOW_TIR), np.uint8(Lost.NONE)),
         )
+        lost = np.where(free | ((lost != Lost.NONE) & (lost != Lost.BELOW_TIR)), lost, np.uint8(Lost.SEAM))
         return Trace(q, point, cos_incidence, reflectance, path, lost)
 
     def reflected(
@@ -214,7 +225,25 @@ class Optics:
         """
         origin, direction = self.rubber_rays(u, v)
         point, normal = self._met(origin, direction, self.rest)
-        return self._by_prism(point, reflect(direction, normal))[0]
+        return self._by_prism(origin, point, reflect(direction, normal))[0]
+
+    def exit_tooth(self, origin: Float, direction: Float) -> Teeth:
+        """Tooth (...) by which rays in the rubber, from `rubber_rays`, leave at rest, from P0 on; 0 of a prism.
+
+        Parameters
+        ----------
+        origin, direction : (..., 3) array
+            Points, mm, and unit vectors along the travel.
+
+        Returns
+        -------
+        (...) array
+            Numbers of teeth.
+        """
+        if self._saw is None:
+            return np.zeros(direction.shape[:-1], np.intp)
+        point, normal = self._met(origin, direction, self.rest)
+        return self._saw.exit_tooth(point, reflect(direction, normal))[0]
 
     def rubber_direction_to_lcd(self, point: Float, q: Float) -> Float:
         """Direction (..., 3), in the rubber, of the ray from a mirror point to an LCD position.
@@ -280,14 +309,45 @@ class Optics:
         (..., 2, 2) array
             LCD px per rad.
         """
-        origin, direction = self.rubber_rays(u, v)
+        return self.sensitivity_of_rays(*self.rubber_rays(u, v))
+
+    def sensitivity_of_rays(self, origin: Float, direction: Float) -> Float:
+        """`sensitivity` of rays in the rubber, (..., 3) each, from `rubber_rays`.
+
+        Parameters
+        ----------
+        origin, direction : (..., 3) array
+            Points, mm, and unit vectors along the travel.
+
+        Returns
+        -------
+        (..., 2, 2) array
+            LCD px per rad.
+        """
         point = origin + distance_to(self.rest, origin, direction)[..., None] * direction
         with np.errstate(invalid="ignore", divide="ignore"):
             gradient = self.rest.gradient(point[..., 0], point[..., 1])
             slabs = [(self.rig.prism.index, 0.0), *self._inner_slabs]
-            return lcd_per_slope(
-                point, direction, gradient, self.prism.pattern_face, self.panel, slabs, self._last_index
-            )
+            face = self._left_by(point, reflect(direction, normal_of(gradient)))[0]
+            return lcd_per_slope(point, direction, gradient, face, self.panel, slabs, self._last_index)
+
+    def seams(self, u: Float, v: Float) -> tuple[Bytes, Teeth, Teeth]:
+        """Of a saw at rest: why rays of camera pixels u, v (...) are lost, the teeth they enter and leave by.
+
+        Parameters
+        ----------
+        u, v : (...) array
+            Camera pixels (column, row).
+
+        Returns
+        -------
+        tuple of arrays
+            `Lost`, and numbers of teeth from P0 on, each (...).
+        """
+        assert self._saw is not None
+        origin, direction, entry = self._saw.enter(*self.camera.rays(u, v), self.rig.prism.index)
+        leaving = self.exit_tooth(origin, direction)
+        return self.trace_rays(origin, direction, self.rest).lost, entry, leaving
 
     def _met(self, origin: Float, direction: Float, mirror: HeightField) -> tuple[Float, Float]:
         """Where rays in the rubber meet a mirror that goes on beyond its borders: point mm, unit normal."""
@@ -295,21 +355,38 @@ class Optics:
         with np.errstate(invalid="ignore"):
             return point, normal_of(mirror.gradient(point[..., 0], point[..., 1]))
 
-    def _by_prism(self, point: Float, outgoing: Float) -> tuple[Float, Float, Mask, Mask]:
-        """LCD position (..., 2) and path in mm (...), NaN off the mirror or the face; which are on each."""
+    def _left_by(self, point: Float, outgoing: Float) -> tuple[Face, Mask]:
+        """The face by which rays from the mirror leave, and whether they meet it (of a saw, or all but)."""
+        if self._saw is None:
+            return self.prism.pattern_face, np.True_
+        tooth, near = self._saw.exit_tooth(point, outgoing)
+        return self._saw.pattern_at(tooth), near
+
+    def _by_prism(
+        self, origin: Float, point: Float, outgoing: Float
+    ) -> tuple[Float, Float, Mask, Mask, Mask]:
+        """LCD position (..., 2) and path in mm (...), NaN off the mirror or the face; which are on each.
+
+        And whether no tooth of a saw is in the way.
+        """
         on_mirror = self.prism.on_mirror(point[..., 0], point[..., 1])
-        q, path, exit_point = self._to_display(point, outgoing)
-        on_face = self.prism.pattern_face.contains(exit_point)
+        face, near = self._left_by(point, outgoing)
+        q, path, exit_point = self._to_display(face, point, outgoing)
+        on_face, free = face.contains(exit_point), np.ones(path.shape, bool)
+        if self._saw is not None:
+            free = on_face & ~self._saw.in_the_way(origin, point) & ~self._saw.in_the_way(point, exit_point)
+            free &= ~self._saw.in_the_way(exit_point, self.panel.lcd_to_world(q))
+            on_face = near & np.isfinite(exit_point[..., 0])
         q[~(on_mirror & on_face)] = np.nan
         path[~(on_mirror & on_face)] = np.nan
-        return q, path, on_mirror, on_face
+        return q, path, on_mirror, on_face, free
 
-    def _to_display(self, point: Float, outgoing: Float) -> tuple[Float, Float, Float]:
-        """LCD position (..., 2), path in mm (...) and exit point (..., 3) on the pattern face's plane.
+    def _to_display(self, face: Face, point: Float, outgoing: Float) -> tuple[Float, Float, Float]:
+        """LCD position (..., 2), path in mm (...) and exit point (..., 3) on a face's plane.
 
         q and path are NaN where the panel's plane is not met; the faces' borders are ignored.
         """
-        face, index = self.prism.pattern_face, self.rig.prism.index
+        index = self.rig.prism.index
         with np.errstate(invalid="ignore", divide="ignore"):
             in_rubber = face.depth_below(point) / dot(outgoing, face.normal)
             in_rubber = np.where(in_rubber >= 0.0, in_rubber, np.nan)

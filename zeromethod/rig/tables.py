@@ -104,12 +104,35 @@ class RestSurface(Table):
         return self
 
 
+class Teeth(Table):
+    """Teeth of a saw: `count` small prisms side by side under the mirror, tooth 0 at P0.
+
+    Between the mirror and the valleys are `base_mm` of rubber; the prism's angles are the teeth's. Deviations of
+    single teeth from that, one number a tooth: of the rubber above it, of its pattern and camera face's angle.
+    """
+
+    count: Annotated[int, Field(ge=1, le=40)]
+    base_mm: NotNegative
+    base_deviation_mm: tuple[float, ...] = ()
+    pattern_deviation_deg: tuple[float, ...] = ()
+    camera_deviation_deg: tuple[float, ...] = ()
+
+    @model_validator(mode="after")
+    def _one_each(self) -> Teeth:
+        for key in ("base_deviation_mm", "pattern_deviation_deg", "camera_deviation_deg"):
+            if (values := getattr(self, key)) and len(values) != self.count:
+                raise refused(key, list(values), f"a number for each of the {self.count} teeth, or none")
+            if any(abs(value) > 1.0 for value in values):
+                raise refused(key, list(values), "deviations from -1 to 1")
+        return self
+
+
 class Prism(Table):
     """The rubber prism: angles of its faces to the mirror, one length, refractive index.
 
     pattern_angle_deg: of the pattern face, alpha0 at P0; camera_angle_deg: of the camera face, beta0 at R0.
     `pattern_length_mm` is the length of the pattern face, `mirror_length_mm` the paper's L0: exactly one.
-    The prism spans -width_mm/2 <= y <= width_mm/2.
+    The prism spans -width_mm/2 <= y <= width_mm/2. With `teeth` it is a saw: many small prisms under one mirror.
     """
 
     pattern_angle_deg: Annotated[float, Field(gt=5, lt=85)]
@@ -119,6 +142,7 @@ class Prism(Table):
     width_mm: Positive
     index: Annotated[float, Field(gt=1, le=4)]
     rest: RestSurface = RestSurface()
+    teeth: Teeth | None = None
 
     def __repr__(self) -> str:
         angles = f"{self.pattern_angle_deg:g}/{self.camera_angle_deg:g} deg"
@@ -131,6 +155,8 @@ class Prism(Table):
             raise refused("pattern_length_mm", None, rule)
         if self.pattern_length_mm is not None and self.mirror_length_mm is not None:
             raise refused("mirror_length_mm", self.mirror_length_mm, rule)
+        if self.teeth is not None and self.mirror_length_mm is None:
+            raise refused("pattern_length_mm", self.pattern_length_mm, "mirror_length_mm with prism.teeth")
         return self
 
 

@@ -35,6 +35,7 @@ from zeromethod.surface.node_passes import (
 )
 from zeromethod.surface.noise import DepthNoise, SlopeNoise
 from zeromethod.surface.rays import MirrorRays
+from zeromethod.surface.seams import Seams
 from zeromethod.surface.settling import Reading, Settling, Start
 from zeromethod.surface.surface import Anchor, Surface, continued_points
 from zeromethod.surface.view_border import border_sigma_mm
@@ -44,6 +45,8 @@ from zeromethod.warp.overlap import component_correlation, overlap_correlation
 from zeromethod.warp.validity import Flag
 from zeromethod.warp.warp import Warp
 
+_SEAM_PASSES = 2
+"""Slope is carried across seams at the depth that was read before: 0, then what that gave."""
 _MOST_AHEAD = 3
 """Steps like the last one by which a motion is continued at most."""
 
@@ -98,7 +101,8 @@ class SurfaceReader:
         self._grid = grid
         u, v = grid.mesh()
         u, v = u[grid.inner], v[grid.inner]
-        self._rays = MirrorRays(optics, u, v)
+        self._seams = Seams.of(optics, grid)
+        self._rays = MirrorRays(optics, u, v, 0.0 if self._seams is None else self._seams.shift_mm)
         island = largest_island(self._rays.hits)
         if np.count_nonzero(island) < 4:
             raise InputError(f"rig {rig.name}: no camera pixel sees the LCD by the mirror at rest")
@@ -111,12 +115,14 @@ class SurfaceReader:
         self._depth_modes = modes[:, 0][(slice(None), *grid.inner)]
         self._depth_share = np.sqrt((self._depth_modes**2).sum(axis=0))
         self._sigma_place = np.sqrt((modes[:, 1:] ** 2).sum(axis=0))
-        sensitivity = optics.sensitivity(u, v)
+        sensitivity = optics.sensitivity_of_rays(*self._rays.rubber)
         regular = island & (
             np.abs(np.linalg.det(np.where(island[..., None, None], sensitivity, np.eye(2)))) > 0
         )
         self._usable = regular
         sensitivity = np.where(regular[..., None, None], sensitivity, np.eye(2))
+        if self._seams is not None:
+            self._seams.look_by(self._rays, sensitivity)
         self._rest_bending = jacobian(self._rays.rest_q, grid.spacing_px)
         self._fold_per_mm = fold_per_mm(self._rest_bending, grid.spacing_px, sensitivity, point, regular)
         self._lever = Lever(self._rays, sensitivity)
@@ -184,23 +190,30 @@ class SurfaceReader:
         """
         if warp.q.shape != (*self._grid.shape, 2):
             raise InputError(f"warp.q: shape {warp.q.shape}: must be {(*self._grid.shape, 2)}")
-        inner = self._grid.inner
-        sigma_q, usable = warp.sigma[inner].copy(), np.empty(self._usable.shape, bool)
-        planes = np.empty((2, *usable.shape))
-        use_nodes(warp.q[inner], sigma_q, warp.flags[inner], self._usable, planes, usable)
-        q = np.moveaxis(planes, 0, -1)
-        bending = jacobian(warp.q, self._grid.spacing_px, PADDING)
-        at_rest_where_unknown(bending, self._rest_bending)
-        spread = self._lever.spread(bending, sigma_q)
-        variance = self._lever.variance(spread)
         if self._drift is not None:
             self._drift.look(warp)
         start = None if previous is None else self._start(warp.time_ns, previous)
-        reading = self._settling.settle(q, variance, usable, start)
+        inner, measured, seam, depth = self._grid.inner, warp, None, np.zeros(self._usable.shape)
+        for _ in range(1 if self._seams is None else _SEAM_PASSES):
+            if self._seams is not None:
+                warp, seam = self._seams.carried(measured, depth)
+            sigma_q, usable = warp.sigma[inner].copy(), np.empty(self._usable.shape, bool)
+            planes = np.empty((2, *usable.shape))
+            use_nodes(warp.q[inner], sigma_q, warp.flags[inner], self._usable, planes, usable)
+            q = np.moveaxis(planes, 0, -1)
+            bending = jacobian(warp.q, self._grid.spacing_px, PADDING)
+            at_rest_where_unknown(bending, self._rest_bending)
+            spread = self._lever.spread(bending, sigma_q)
+            variance = self._lever.variance(spread)
+            reading = self._settling.settle(q, variance, usable, start)
+            depth = reading.depth
         variance = self._lever.variance(spread, reading.depth, reading.slope)
         state = bending, sigma_q, reading.depth, reading.slope
         noise = SlopeNoise(lambda: self._lever.factor(*state), variance, *self._overlap)
         surface = self._surface(warp, reading, noise, previous is None)
+        if seam is not None:
+            surface = replace(surface, seam=seam)
+            self._last = None if self._last is None else replace(self._last, surface=surface)
         return self._with_cut_off(surface, reading, q, usable, variance)
 
     def follow(self, warp: Warp) -> Surface:
