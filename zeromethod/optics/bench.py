@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from zeromethod.arrays import Bytes, Float, Mask
+from zeromethod.arrays import Float, Mask
 from zeromethod.optics.camera import Camera
 from zeromethod.optics.fresnel import fresnel, s_share
 from zeromethod.optics.joining import TOUCHES_MM, Joining
@@ -13,7 +13,7 @@ from zeromethod.optics.lever import lcd_per_slope
 from zeromethod.optics.mirror import HeightField, distance_to, normal_of, rest_surface
 from zeromethod.optics.panel import Panel
 from zeromethod.optics.prism import Face, PrismGeometry
-from zeromethod.optics.teeth import Saw, Teeth
+from zeromethod.optics.teeth import Saw
 from zeromethod.optics.trace import Lost, Trace
 from zeromethod.optics.vectors import dot, reflect, unit
 from zeromethod.rig.model import Rig
@@ -48,7 +48,7 @@ class Optics:
     def __init__(self, rig: Rig) -> None:
         self.rig = rig
         self.prism = PrismGeometry(rig.prism)
-        self._saw = None if rig.prism.teeth is None else Saw(rig.prism)
+        self.saw = None if rig.prism.teeth is None else Saw(rig.prism)
         self.camera = Camera.place(rig.camera)
         self.rest: HeightField = rest_surface(rig)
         layers = rig.pattern_layers
@@ -57,13 +57,8 @@ class Optics:
         self._inner_slabs = [(s.index, s.thickness_mm) for s in layers[:-1]]
         self._last_index = layers[-1].index if layers else rig.prism.index
         slabs = [(rig.prism.index, 0.0), *self._inner_slabs]
-        faces = [self.prism.pattern_face] if self._saw is None else self._saw.pattern
+        faces = [self.prism.pattern_face] if self.saw is None else self.saw.pattern
         self.joinings = [Joining.of(self.panel, face, slabs, self._last_index) for face in faces]
-
-    @property
-    def joining(self) -> Joining:
-        """Of the prism, or of a saw's tooth 0."""
-        return self.joinings[0]
 
     @property
     def length_mm(self) -> float:
@@ -117,8 +112,8 @@ class Optics:
             Points, mm, and unit vectors along the travel.
         """
         origin, direction = self.camera.rays(u, v)
-        if self._saw is not None:
-            return self._saw.enter(origin, direction, self.rig.prism.index)[:2]
+        if self.saw is not None:
+            return self.saw.enter(origin, direction, self.rig.prism.index)[:2]
         face = self.prism.camera_face
         slabs = [(s.index, s.thickness_mm) for s in reversed(self.rig.camera_layers)]
         outside = -face.depth_below(origin) - sum(t for _, t in slabs)
@@ -227,24 +222,6 @@ class Optics:
         point, normal = self._met(origin, direction, self.rest)
         return self._by_prism(origin, point, reflect(direction, normal))[0]
 
-    def exit_tooth(self, origin: Float, direction: Float) -> Teeth:
-        """Tooth (...) by which rays in the rubber, from `rubber_rays`, leave at rest, from P0 on; 0 of a prism.
-
-        Parameters
-        ----------
-        origin, direction : (..., 3) array
-            Points, mm, and unit vectors along the travel.
-
-        Returns
-        -------
-        (...) array
-            Numbers of teeth.
-        """
-        if self._saw is None:
-            return np.zeros(direction.shape[:-1], np.intp)
-        point, normal = self._met(origin, direction, self.rest)
-        return self._saw.exit_tooth(point, reflect(direction, normal))[0]
-
     def rubber_direction_to_lcd(self, point: Float, q: Float) -> Float:
         """Direction (..., 3), in the rubber, of the ray from a mirror point to an LCD position.
 
@@ -309,45 +286,7 @@ class Optics:
         (..., 2, 2) array
             LCD px per rad.
         """
-        return self.sensitivity_of_rays(*self.rubber_rays(u, v))
-
-    def sensitivity_of_rays(self, origin: Float, direction: Float) -> Float:
-        """`sensitivity` of rays in the rubber, (..., 3) each, from `rubber_rays`.
-
-        Parameters
-        ----------
-        origin, direction : (..., 3) array
-            Points, mm, and unit vectors along the travel.
-
-        Returns
-        -------
-        (..., 2, 2) array
-            LCD px per rad.
-        """
-        point = origin + distance_to(self.rest, origin, direction)[..., None] * direction
-        with np.errstate(invalid="ignore", divide="ignore"):
-            gradient = self.rest.gradient(point[..., 0], point[..., 1])
-            slabs = [(self.rig.prism.index, 0.0), *self._inner_slabs]
-            face = self._left_by(point, reflect(direction, normal_of(gradient)))[0]
-            return lcd_per_slope(point, direction, gradient, face, self.panel, slabs, self._last_index)
-
-    def seams(self, u: Float, v: Float) -> tuple[Bytes, Teeth, Teeth]:
-        """Of a saw at rest: why rays of camera pixels u, v (...) are lost, the teeth they enter and leave by.
-
-        Parameters
-        ----------
-        u, v : (...) array
-            Camera pixels (column, row).
-
-        Returns
-        -------
-        tuple of arrays
-            `Lost`, and numbers of teeth from P0 on, each (...).
-        """
-        assert self._saw is not None
-        origin, direction, entry = self._saw.enter(*self.camera.rays(u, v), self.rig.prism.index)
-        leaving = self.exit_tooth(origin, direction)
-        return self.trace_rays(origin, direction, self.rest).lost, entry, leaving
+        return sensitivity_of_rays(self, *self.rubber_rays(u, v))
 
     def _met(self, origin: Float, direction: Float, mirror: HeightField) -> tuple[Float, Float]:
         """Where rays in the rubber meet a mirror that goes on beyond its borders: point mm, unit normal."""
@@ -357,10 +296,9 @@ class Optics:
 
     def _left_by(self, point: Float, outgoing: Float) -> tuple[Face, Mask]:
         """The face by which rays from the mirror leave, and whether they meet it (of a saw, or all but)."""
-        if self._saw is None:
-            return self.prism.pattern_face, np.True_
-        tooth, near = self._saw.exit_tooth(point, outgoing)
-        return self._saw.pattern_at(tooth), near
+        if self.saw is None:
+            return self.prism.pattern_face, np.ones(point.shape[:-1], bool)
+        return self.saw.exit_face(point, outgoing)
 
     def _by_prism(
         self, origin: Float, point: Float, outgoing: Float
@@ -373,9 +311,8 @@ class Optics:
         face, near = self._left_by(point, outgoing)
         q, path, exit_point = self._to_display(face, point, outgoing)
         on_face, free = face.contains(exit_point), np.ones(path.shape, bool)
-        if self._saw is not None:
-            free = on_face & ~self._saw.in_the_way(origin, point) & ~self._saw.in_the_way(point, exit_point)
-            free &= ~self._saw.in_the_way(exit_point, self.panel.lcd_to_world(q))
+        if self.saw is not None:
+            free = on_face & self.saw.clear(origin, point, exit_point, self.panel.lcd_to_world(q))
             on_face = near & np.isfinite(exit_point[..., 0])
         q[~(on_mirror & on_face)] = np.nan
         path[~(on_mirror & on_face)] = np.nan
@@ -399,3 +336,13 @@ class Optics:
         path = in_rubber + in_slabs + gap
         q[gap < -TOUCHES_MM] = np.nan
         return q, path, leaves
+
+
+def sensitivity_of_rays(optics: Optics, origin: Float, direction: Float) -> Float:
+    """`Optics.sensitivity` (..., 2, 2) of rays in the rubber, (..., 3) each, from `Optics.rubber_rays`."""
+    point = origin + distance_to(optics.rest, origin, direction)[..., None] * direction
+    with np.errstate(invalid="ignore", divide="ignore"):
+        gradient = optics.rest.gradient(point[..., 0], point[..., 1])
+        slabs = [(optics.rig.prism.index, 0.0), *optics._inner_slabs]
+        face = optics._left_by(point, reflect(direction, normal_of(gradient)))[0]
+        return lcd_per_slope(point, direction, gradient, face, optics.panel, slabs, optics._last_index)

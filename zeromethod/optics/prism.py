@@ -32,17 +32,15 @@ class Face:
     @classmethod
     def stacked(cls, faces: Sequence[Face]) -> Face:
         """Faces of equal width as one, arrays with as many rows."""
-        edge, along, normal, length = (
-            np.array([getattr(face, name) for face in faces])
-            for name in ("edge", "along", "normal", "length_mm")
-        )
-        return cls(edge, along, normal, length, faces[0].half_width_mm)
+        names = "edge", "along", "normal", "length_mm"
+        arrays = {name: np.array([getattr(face, name) for face in faces]) for name in names}
+        return cls(**arrays, half_width_mm=faces[0].half_width_mm)
 
     def at(self, index: NDArray[np.intp]) -> Face:
         """The face per ray, (...), out of stacked ones."""
         assert isinstance(self.length_mm, np.ndarray)
-        arrays = (array[index] for array in (self.edge, self.along, self.normal, self.length_mm))
-        return Face(*arrays, self.half_width_mm)
+        edge, along, normal = self.edge[index], self.along[index], self.normal[index]
+        return Face(edge, along, normal, self.length_mm[index], self.half_width_mm)
 
     def moved(self, by_mm: Float) -> Face:
         """The face shifted by (3,)."""

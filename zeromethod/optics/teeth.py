@@ -6,6 +6,8 @@ the rays' shape.
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -87,11 +89,17 @@ class Saw:
         cost = np.min(np.where(np.isnan(costs), np.inf, costs), axis=0)
         return np.argmin(np.where(np.isnan(costs), np.inf, costs), axis=0), cost < 1e6 * (1.0 + _NEAREST)
 
-    def pattern_at(self, tooth: Teeth) -> Face:
-        """Pattern faces of teeth (...)."""
-        return self._pattern.at(tooth)
+    def exit_face(self, point: Float, outgoing: Float) -> tuple[Face, Mask]:
+        """That tooth's pattern face, per ray, and whether they meet it, or all but."""
+        tooth, near = self.exit_tooth(point, outgoing)
+        return self._pattern.at(tooth), near
 
-    def in_the_way(self, start: Float, end: Float) -> Mask:
+    def clear(self, *stations: Float) -> Mask:
+        """Whether no face lies between any of points (..., 3) and the next."""
+        blocked = [self._in_the_way(*ends) for ends in pairwise(stations)]
+        return np.asarray(~np.logical_or.reduce(blocked))
+
+    def _in_the_way(self, start: Float, end: Float) -> Mask:
         """Whether a face of any tooth lies between two points (..., 3), the points themselves left out."""
         way = end - start
         hit = np.zeros(way.shape[:-1], bool)

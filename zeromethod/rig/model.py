@@ -106,14 +106,18 @@ class Rig(Table):
             return self
         if [layer.index for layer in self.pattern_layers] != [1.0]:
             found = [layer.index for layer in self.pattern_layers]
-            raise refused("pattern_layers", found, "with prism.teeth one layer of index 1: air under the tips")
+            raise refused(
+                "pattern_layers", found, "with prism.teeth one layer of index 1: air under the tips"
+            )
         if self.camera_layers:
             raise refused("camera_layers", len(self.camera_layers), "none with prism.teeth")
         if isinstance(self.rubber.support, FaceSupports):
             raise refused("rubber.support", {}, "no table with prism.teeth")
         for key in ("ghost_gap", "ghost_faces"):
             if share := getattr(self.simulation, key):
-                raise refused(f"simulation.{key}", share, "0 with prism.teeth: the way of rays has stray light")
+                raise refused(
+                    f"simulation.{key}", share, "0 with prism.teeth: the way of rays has stray light"
+                )
         return self
 
     @model_validator(mode="after")

@@ -107,8 +107,8 @@ class RestSurface(Table):
 class Teeth(Table):
     """Teeth of a saw: `count` small prisms side by side under the mirror, tooth 0 at P0.
 
-    Between the mirror and the valleys are `base_mm` of rubber; the prism's angles are the teeth's. Deviations of
-    single teeth from that, one number a tooth: of the rubber above it, of its pattern and camera face's angle.
+    `base_mm` of rubber lie between mirror and valleys; the prism's angles are the teeth's. Deviations of single
+    teeth from that, a number each: of the rubber above it, of its pattern and camera face's angle.
     """
 
     count: Annotated[int, Field(ge=1, le=40)]
@@ -120,10 +120,11 @@ class Teeth(Table):
     @model_validator(mode="after")
     def _one_each(self) -> Teeth:
         for key in ("base_deviation_mm", "pattern_deviation_deg", "camera_deviation_deg"):
-            if (values := getattr(self, key)) and len(values) != self.count:
-                raise refused(key, list(values), f"a number for each of the {self.count} teeth, or none")
-            if any(abs(value) > 1.0 for value in values):
-                raise refused(key, list(values), "deviations from -1 to 1")
+            values = getattr(self, key)
+            if values and (len(values) != self.count or max(map(abs, values)) > 1.0):
+                raise refused(
+                    key, list(values), f"{self.count} numbers from -1 to 1, one for each tooth, or none"
+                )
         return self
 
 

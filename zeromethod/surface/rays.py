@@ -10,6 +10,7 @@ import numpy as np
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.optics import Flat, Optics
+from zeromethod.optics.saw_rays import exit_tooth
 from zeromethod.surface.node_passes import diagonal
 
 _STEPS = 20
@@ -117,7 +118,7 @@ class MirrorRays:
         origin, direction = optics.rubber_rays(u_px, v_px)
         origin[..., 0] += shift_mm
         self.rubber = origin, direction
-        self._tooth = optics.exit_tooth(origin, direction)
+        self._tooth = exit_tooth(optics, origin, direction)
         at_rest = optics.trace_rays(origin, direction, optics.rest)
         self.rest_q: Float = at_rest.q
         hits = np.asarray(np.isfinite(at_rest.q).all(axis=-1))

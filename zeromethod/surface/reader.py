@@ -13,6 +13,7 @@ from zeromethod.arrays import Float, Mask
 from zeromethod.errors import InputError
 from zeromethod.mechanics.body import body_of
 from zeromethod.optics import Optics
+from zeromethod.optics.bench import sensitivity_of_rays
 from zeromethod.rig.model import Rig
 from zeromethod.surface.anchor import KnownReading, RestFit
 from zeromethod.surface.anchoring import Anchors, certain
@@ -115,7 +116,7 @@ class SurfaceReader:
         self._depth_modes = modes[:, 0][(slice(None), *grid.inner)]
         self._depth_share = np.sqrt((self._depth_modes**2).sum(axis=0))
         self._sigma_place = np.sqrt((modes[:, 1:] ** 2).sum(axis=0))
-        sensitivity = optics.sensitivity_of_rays(*self._rays.rubber)
+        sensitivity = sensitivity_of_rays(optics, *self._rays.rubber)
         regular = island & (
             np.abs(np.linalg.det(np.where(island[..., None, None], sensitivity, np.eye(2)))) > 0
         )
@@ -210,10 +211,7 @@ class SurfaceReader:
         variance = self._lever.variance(spread, reading.depth, reading.slope)
         state = bending, sigma_q, reading.depth, reading.slope
         noise = SlopeNoise(lambda: self._lever.factor(*state), variance, *self._overlap)
-        surface = self._surface(warp, reading, noise, previous is None)
-        if seam is not None:
-            surface = replace(surface, seam=seam)
-            self._last = None if self._last is None else replace(self._last, surface=surface)
+        surface = self._surface(warp, reading, noise, previous is None, seam)
         return self._with_cut_off(surface, reading, q, usable, variance)
 
     def follow(self, warp: Warp) -> Surface:
@@ -278,7 +276,9 @@ class SurfaceReader:
                 moved_on(depth, *steps, apart_ns / back_ns, ahead_ns / apart_ns)
         return Start(depth, nodes)
 
-    def _surface(self, warp: Warp, reading: Reading, noise: SlopeNoise, alone: bool) -> Surface:
+    def _surface(
+        self, warp: Warp, reading: Reading, noise: SlopeNoise, alone: bool, seam: Mask | None
+    ) -> Surface:
         """alone: sigma is to be as exact as it can be, and not only after some readings."""
         island = self._integrator.island
         sigma_depth = np.full(island.shape, np.nan)
@@ -311,6 +311,7 @@ class SurfaceReader:
             iterations=reading.iterations,
             curl=curl,
             fold_per_mm=self._fold_per_mm,
+            seam=seam,
         )
         self._before = (None if self._last is None else self._last.surface), self._before[0]
         self._last = None

@@ -10,6 +10,7 @@ import numpy as np
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.optics import Lost, Optics
+from zeromethod.optics.saw_rays import seams
 from zeromethod.warp.grid import NodeGrid
 
 _SLACK_PX = 2.0
@@ -27,7 +28,7 @@ class SeamMap:
         u, v = (each[grid.inner] for each in grid.mesh())
         first, last = int(u.min()) - grid.period_px, int(u.max()) + grid.period_px + 1
         across = np.arange(first, last + 1, dtype=np.float64)
-        lost, *teeth = optics.seams(*np.meshgrid(across, v[:, 0]))
+        lost, *teeth = seams(optics, *np.meshgrid(across, v[:, 0]))
         changes = (np.diff(tooth, axis=1, append=tooth[:, -1:]) != 0 for tooth in teeth)
         entry, leaving = (_distances((lost == Lost.SEAM) | change) for change in changes)
         columns = np.rint(u - first).astype(np.intp)
