@@ -67,7 +67,7 @@ class ContactFinder:
         return self._rest.known
 
     def follow(
-        self, image: Image, residual: Residual, surface: Surface, *, nulled: bool
+        self, image: Image, residual: Residual, surface: Surface, *, nulled: bool, exposure_ns: int = 0
     ) -> tuple[Contact, ...]:
         """Contacts of the next frame, largest first.
 
@@ -79,12 +79,16 @@ class ContactFinder:
             What was measured and read from it.
         nulled : bool
             Whether the camera sees the target in it, so that it may teach the picture at rest.
+        exposure_ns : int, optional
+            How long it was exposed, as light grows with it; 0 where it does not change.
 
         Returns
         -------
         tuple of Contact
             Those seen in two frames in a row, and in one of the last two.
         """
+        if exposure_ns:
+            self._rest.expose(exposure_ns)
         if not self._rest.known:
             if nulled:
                 self._rest.add(image, residual)
