@@ -88,8 +88,9 @@ bool trace(vec2 pixel, out vec2 q, out float light) {
         } else {
             at += distance_mm * direction;
             // into the rubber and out of it all light loses as much, nearly; further faces take more
+            bool before = inside;
             float share = cross_face(direction, inside, normal);
-            crossed += 1;
+            crossed += before == inside ? 0 : 1;
             light *= crossed > 2 ? share : 1.0;
         }
     }

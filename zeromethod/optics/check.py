@@ -31,9 +31,10 @@ _CENTRE_LOST = {
 def check_geometry(rig: Rig) -> None:
     """Raise InputError, one line that names the rig's key, where the bench cannot work.
 
-    Refused: a camera inside the prism or behind its camera face, an LCD in a camera's view of a saw, a panel tilted into the slabs in front
-    of it, a view that misses that face or the mirror altogether, a centre ray that does not end on the LCD, a
-    height map smaller than the view. A view that lies partly off the mirror or the LCD is legal.
+    Refused: a camera inside the prism or behind its camera face, an LCD in a camera's view of a saw, a panel
+    tilted into the slabs in front of it, a view that misses that face or the mirror altogether, a centre ray
+    that does not end on the LCD, a height map smaller than the view. A view that lies partly off the mirror
+    or the LCD is legal.
     """
     optics, camera = Optics(rig), rig.camera
     if camera.projection == "perspective":

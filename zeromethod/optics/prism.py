@@ -19,8 +19,8 @@ class Face:
     """A rectangle from an edge on the mirror to the apex.
 
     Convention: `edge` (3,) is the point at y = 0 where the face meets the mirror, `along` (3,) the unit
-    vector from there to the apex, `normal` (3,) the unit normal out of the rubber. Lengths in mm. Or a face per
-    ray: all arrays with the rays' shape in front (`at`).
+    vector from there to the apex, `normal` (3,) the unit normal out of the rubber. Lengths in mm. Or a face
+    per ray: all arrays with the rays' shape in front (`at`).
     """
 
     edge: Float
@@ -61,8 +61,9 @@ class Face:
 class PrismGeometry:
     """The triangle P0, R0, apex of a rig's prism.
 
-    Convention: P0 = (0, 0, 0), R0 = (L0, 0, 0), rubber at z < 0; angles to the mirror in radians. Of a saw both
-    faces are the plane that its teeth stand on, parallel to the mirror (`teeth.Saw` has the teeth's own).
+    Convention: P0 = (0, 0, 0), R0 = (L0, 0, 0), rubber at z < 0; angles to the mirror in radians. Of a saw
+    both faces are the plane that its teeth stand on, parallel to the mirror (`teeth.Saw` has the teeth's
+    own).
     """
 
     spec: Prism

@@ -18,7 +18,7 @@ def exit_tooth(optics: Optics, origin: Float, direction: Float) -> Teeth:
 
 
 def seams(optics: Optics, u: Float, v: Float) -> tuple[Bytes, Teeth, Teeth]:
-    """Why rays of camera pixels (...) are lost (`Lost`), and the teeth by which they enter and leave a saw."""
+    """Why rays of camera pixels (...) are lost (`Lost`), and a saw's teeth that they enter and leave by."""
     assert optics.saw is not None
     origin, direction, entry = optics.saw.enter(*optics.camera_rays(u, v), optics.rig.prism.index)
     leaving = exit_tooth(optics, origin, direction)

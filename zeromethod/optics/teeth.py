@@ -1,7 +1,7 @@
 """A saw's teeth: small prisms in a row under one mirror, each with a face to the LCD and one to the camera.
 
-Which tooth a ray takes is found per ray; from there on a tooth's face is a face like a prism's, whose arrays have
-the rays' shape.
+Which tooth a ray takes is found per ray; from there on a tooth's face is a face like a prism's, whose arrays
+have the rays' shape.
 """
 
 from __future__ import annotations

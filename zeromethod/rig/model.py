@@ -16,6 +16,7 @@ from zeromethod.errors import InputError
 from zeromethod.rig.device_tables import SIMULATED, CameraSpec, DisplaySpec, Noise
 from zeromethod.rig.geometry import GeometrySpec
 from zeromethod.rig.keys import plain, set_value, value_at
+from zeromethod.rig.prism_tables import Layer, Prism, RestSurface
 from zeromethod.rig.refusal import RENAMED, first_refusal, refused, shown, unknown_key
 from zeromethod.rig.simulation_tables import Faults, SimulationSpec
 from zeromethod.rig.tables import (
@@ -23,11 +24,8 @@ from zeromethod.rig.tables import (
     ControlSpec,
     FaceSupports,
     KnownRest,
-    Layer,
     LightSpec,
     PriorSpec,
-    Prism,
-    RestSurface,
     Rubber,
     SurfaceSpec,
     Table,

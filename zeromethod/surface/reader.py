@@ -36,7 +36,7 @@ from zeromethod.surface.node_passes import (
 )
 from zeromethod.surface.noise import DepthNoise, SlopeNoise
 from zeromethod.surface.rays import MirrorRays
-from zeromethod.surface.seams import Seams
+from zeromethod.surface.seams import PASSES, Seams, steps_sigma_mm
 from zeromethod.surface.settling import Reading, Settling, Start
 from zeromethod.surface.surface import Anchor, Surface, continued_points
 from zeromethod.surface.view_border import border_sigma_mm
@@ -46,8 +46,6 @@ from zeromethod.warp.overlap import component_correlation, overlap_correlation
 from zeromethod.warp.validity import Flag
 from zeromethod.warp.warp import Warp
 
-_SEAM_PASSES = 2
-"""Slope is carried across seams at the depth that was read before: 0, then what that gave."""
 _MOST_AHEAD = 3
 """Steps like the last one by which a motion is continued at most."""
 
@@ -195,7 +193,7 @@ class SurfaceReader:
             self._drift.look(warp)
         start = None if previous is None else self._start(warp.time_ns, previous)
         inner, measured, seam, depth = self._grid.inner, warp, None, np.zeros(self._usable.shape)
-        for _ in range(1 if self._seams is None else _SEAM_PASSES):
+        for _ in range(1 if self._seams is None else PASSES):
             if self._seams is not None:
                 warp, seam = self._seams.carried(measured, depth)
             sigma_q, usable = warp.sigma[inner].copy(), np.empty(self._usable.shape, bool)
@@ -209,8 +207,8 @@ class SurfaceReader:
             reading = self._settling.settle(q, variance, usable, start)
             depth = reading.depth
         variance = self._lever.variance(spread, reading.depth, reading.slope)
-        state = bending, sigma_q, reading.depth, reading.slope
-        noise = SlopeNoise(lambda: self._lever.factor(*state), variance, *self._overlap)
+        factor = partial(self._lever.factor, bending, sigma_q, reading.depth, reading.slope)
+        noise = SlopeNoise(factor, variance, *self._overlap)
         surface = self._surface(warp, reading, noise, previous is None, seam)
         return self._with_cut_off(surface, reading, q, usable, variance)
 
@@ -291,6 +289,7 @@ class SurfaceReader:
             read = KnownReading(x, y, reading.depth, self._scale, of_frame, reading.slope, noise.variance)
             fit, systematic = self._drift.systematic(fit, read, noise)
             systematic.append(border_sigma_mm(reading.slope, reading.point, island))
+            systematic += [] if seam is None else [steps_sigma_mm(reading.depth, island)]
             hidden = None if warp.left is None else self._hidden.of(warp.left, noise.variance, island)
             if hidden is not None:
                 systematic.append(hidden)

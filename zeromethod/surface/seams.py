@@ -1,8 +1,9 @@
 """Seams between a saw's teeth: nodes that see one are not believed, and the slope is carried across.
 
-The mirror goes on over a seam, the optics under it do not: on one side of it rays are longer in the rubber, and
-their picture jumps. A node whose sensing window touches a seam mixes both sides. Slope, as read on either side, is
-carried across by a polynomial along the node's row; what one of lower degree makes of it goes into sigma.
+The mirror goes on over a seam, the optics under it do not: on one side of it rays are longer in the rubber,
+and their picture jumps. A node whose sensing window touches a seam mixes both sides. Slope, as read on either
+side, is carried across by a polynomial along the node's row; what one of lower degree makes of it goes into
+sigma.
 """
 
 from __future__ import annotations
@@ -23,13 +24,16 @@ from zeromethod.warp.warp import Warp
 _SIDE = 5
 """Nodes on either side by which a slope is carried."""
 _DEGREE, _LOWER = 5, 3
-_SHARE = 0.01
-"""Of the change of slope across a seam: exact warps are read 0.05 % of the peak off, of dents 3 to 8 mm wide."""
+_STEPS_SHARE = 7e-4
+"""Standard deviation of what seams leave, over the range of depth: exact warps of dents of sigma 1.5 to 8 mm
+are read 0.05 to 0.13 % of their peak off, at seams and by steps across them."""
+PASSES = 2
+"""Slope is carried across seams at the depth that was read before: 0, then what that gave."""
 
 
 @numba.njit(cache=True, error_model="numpy")
 def _polynomial(t: Float, weight: Float, degree: int) -> None:
-    """Into `weight` (n,) the weights of values at `t` (n,) in the value at 0 of their least-squares polynomial."""
+    """Into `weight` (n,) the weights of values at `t` (n,) in their polynomial's value at 0."""
     n = len(t)
     basis = np.empty((degree + 1, n))
     at_zero = np.empty(degree + 1)
@@ -55,7 +59,7 @@ def _polynomial(t: Float, weight: Float, degree: int) -> None:
 
 @numba.njit(cache=True, error_model="numpy")
 def _carry(x: Float, slope: Float, good: Mask, seam: Mask, out: Float, doubt: Float, gain: Float) -> None:
-    """Slopes (rows, cols, 2) carried to seam nodes; what a lower degree differs by, noise's gain. NaN elsewhere."""
+    """Slopes (rows, cols, 2) carried to seams, what a lower degree differs by, noise's gain; else NaN."""
     rows, cols = seam.shape
     at, t = np.empty(2 * _SIDE, np.int64), np.empty(2 * _SIDE)
     high, low = np.empty(2 * _SIDE), np.empty(2 * _SIDE)
@@ -88,14 +92,13 @@ def _carry(x: Float, slope: Float, good: Mask, seam: Mask, out: Float, doubt: Fl
                             value += high[k] * slope[j, at[k], axis]
                             lower += low[k] * slope[j, at[k], axis]
                         out[j, node, axis] = value
-                        across = slope[j, at[_SIDE], axis] - slope[j, at[_SIDE - 1], axis]
-                        doubt[j, node, axis] = abs(value - lower) + _SHARE * abs(across)
+                        doubt[j, node, axis] = abs(value - lower)
             i = end
 
 
 @numba.njit(cache=True, error_model="numpy")
 def _spread(x: Float, seam: Mask, out: Float) -> None:
-    """Into `out` (rows, cols) what moves points at seams to even places between those next to the seam, mm."""
+    """Into `out` (rows, cols) what spreads points at seams evenly between those next to the seam, mm."""
     rows, cols = seam.shape
     out[:] = 0.0
     for j in range(rows):
@@ -141,8 +144,8 @@ def _beside(values: Float) -> tuple[Float, Float]:
 class Seams:
     """Seams of a rig's saw, on the measurable nodes of a grid.
 
-    shift_mm: (rows, cols) by which rays of nodes at seams are moved along x, so that what lies behind a seam, which
-    no ray sees, has nodes as well.
+    shift_mm: (rows, cols) by which rays of nodes at seams are moved along x, so that what lies behind a seam,
+    which no ray sees, has nodes as well.
     """
 
     def __init__(self, seams: SeamMap, grid: NodeGrid) -> None:
@@ -163,13 +166,14 @@ class Seams:
     def carried(self, warp: Warp, depth_mm: Float) -> tuple[Warp, Mask]:
         """The warp with what its seams' neighbours say of the nodes at seams; these nodes, on the whole grid.
 
-        depth_mm: (rows, cols) of the measurable nodes, as far as it is known. Where a neighbour is missing (the view's border, a contact) a node at a seam is flagged SEAM.
+        depth_mm: (rows, cols) of the measurable nodes, as far as it is known. Where a neighbour is missing
+        (at the view's border, a contact) a node at a seam is flagged SEAM.
         """
         inner = self._grid.inner
         q, sigma, flags = warp.q.copy(), warp.sigma.copy(), warp.flags.copy()
         slope, point = map(np.ascontiguousarray, self._rays.slope(depth_mm, q[inner]))
         good = (flags[inner] == 0) & np.isfinite(slope).all(axis=-1)
-        # a seam that a slope moves is dark, so that the slope there is that of the nodes next to it, on either side
+        # a seam that a slope moves is dark: the slope there is that of the nodes next to it, on either side
         before, after = _beside(np.where(good, slope[..., 0], np.nan))
         seam = self._map.touched(before) | self._map.touched(after)
         good &= ~seam
@@ -185,6 +189,12 @@ class Seams:
         sigma[inner] = np.where(seam[..., None], np.hypot(gain[..., None] * noise, doubted), sigma[inner])
         flags[inner] = np.where(known, 0, np.where(seam, flags[inner] | np.uint16(Flag.SEAM), flags[inner]))
         return replace(warp, q=q, sigma=sigma, flags=flags), self._grid.padded(seam, False)
+
+
+def steps_sigma_mm(depth_mm: Float, island: Mask) -> Float:
+    """Standard deviation (rows, cols) of what seams leave in depths."""
+    deep = depth_mm[island]
+    return np.full(island.shape, _STEPS_SHARE * float(np.ptp(deep)) if deep.size else 0.0)
 
 
 def _times(matrix: Float, vector: Float) -> Float:

@@ -88,8 +88,8 @@ class Surface:
         Curvature of the mirror at which its image folds, 1/mm, median over the view: what a hole of unread
         nodes may hide bends at least as much. 0 where that is not known.
     seam : (rows, cols) bool, optional
-        Of a saw: nodes whose window touches a seam between teeth. Those that are valid were not measured: their
-        slope is carried across from both sides.
+        Of a saw: nodes whose window touches a seam between teeth. Those that are valid were not measured:
+        their slope is carried across from both sides.
 
     Notes
     -----

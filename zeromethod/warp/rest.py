@@ -56,8 +56,8 @@ class Rest:
     """The warp at rest on a grid.
 
     q: (rows, cols, 2) LCD px, finite everywhere: continued where no ray arrives. flags: (rows, cols)
-    uint16, NO_RAY there, SEAM at a saw's seams, else 0. visible: (rows, cols) nodes measurable and visible at rest: their ray ends
-    at least one carrier period inside the panel. display_size: (columns, rows) LCD px.
+    uint16, NO_RAY there, SEAM at a saw's seams, else 0. visible: (rows, cols) nodes measurable and visible at
+    rest: their ray ends at least one carrier period inside the panel. display_size: (columns, rows) LCD px.
     """
 
     grid: NodeGrid

@@ -1,7 +1,7 @@
 """Seams between a saw's teeth: where the camera sees them, and how they move as the mirror tilts.
 
-The mirror goes on over a seam, the optics under it do not: on one side of it rays are longer in the rubber than on
-the other, and a band of the mirror between is not seen at all.
+The mirror goes on over a seam, the optics under it do not: on one side of it rays are longer in the rubber
+than on the other, and a band of the mirror between is not seen at all.
 """
 
 from __future__ import annotations
@@ -37,8 +37,9 @@ class SeamMap:
         self._reach_px = grid.period_px + _SLACK_PX
         at_rest = optics.trace(u, v, optics.rest)
         self.x_mm = at_rest.point[..., 0]
-        # by how much a seam of the faces towards the LCD moves to where u grows, per rad, at a valley and at a tip:
-        # a slope turns the ray by twice as much, and it leaves the further off the longer it stays in the rubber
+        # by how much a seam of the faces towards the LCD moves to where u grows, per rad, at a valley and at
+        # a tip: a slope turns the ray by twice as much, and it leaves the further off the longer it stays in
+        # the rubber
         per_px = float(np.nanmedian(np.gradient(self.x_mm, axis=1))) / grid.spacing_px
         per_mm = 2.0 / (float(np.nanmedian(at_rest.cos_incidence)) ** 2 * per_px)
         spec = optics.rig.prism.teeth
