@@ -6,6 +6,7 @@ import numpy as np
 
 from zeromethod.arrays import Bytes, Float
 from zeromethod.optics.bench import Optics
+from zeromethod.optics.prism import Face
 from zeromethod.optics.teeth import Teeth
 
 
@@ -15,6 +16,11 @@ def exit_tooth(optics: Optics, origin: Float, direction: Float) -> Teeth:
         return np.zeros(direction.shape[:-1], np.intp)
     point, outgoing, *_ = optics.reflected(origin, direction, optics.rest)
     return optics.saw.exit_tooth(point, outgoing)[0]
+
+
+def face_left_by(optics: Optics, point: Float, outgoing: Float) -> Face:
+    """The face by which rays from mirror points (..., 3) leave, per ray; the pattern face of a prism."""
+    return optics.prism.pattern_face if optics.saw is None else optics.saw.exit_face(point, outgoing)[0]
 
 
 def seams(optics: Optics, u: Float, v: Float) -> tuple[Bytes, Teeth, Teeth]:

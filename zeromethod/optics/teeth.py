@@ -6,8 +6,6 @@ have the rays' shape.
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -31,7 +29,7 @@ class Saw:
     def __init__(self, spec: Prism) -> None:
         assert spec.teeth is not None
         geometry, teeth = PrismGeometry(spec), spec.teeth
-        pitch_mm = geometry.length_mm / teeth.count
+        pitch_mm = self._pitch_mm = geometry.length_mm / teeth.count
         self.pattern, self.camera = [], []
         for k in range(teeth.count):
             gap, pattern, camera = (
@@ -94,18 +92,25 @@ class Saw:
         tooth, near = self.exit_tooth(point, outgoing)
         return self._pattern.at(tooth), near
 
-    def clear(self, *stations: Float) -> Mask:
-        """Whether no face lies between any of points (..., 3) and the next."""
-        blocked = [self._in_the_way(*ends) for ends in pairwise(stations)]
-        return np.asarray(~np.logical_or.reduce(blocked))
+    def clear(self, entry: Float, point: Float, leaves: Float, end: Float) -> Mask:
+        """Whether no face lies in the way: from entry to mirror, from there to where rays leave, to the LCD.
+
+        Points (..., 3). A ray is so steep that only the tooth it enters or leaves and its neighbours may be.
+        """
+        blocked = (self._in_the_way(*ends) for ends in ((entry, point), (leaves, point), (leaves, end)))
+        return np.asarray(~np.logical_or.reduce(list(blocked)))
 
     def _in_the_way(self, start: Float, end: Float) -> Mask:
-        """Whether a face of any tooth lies between two points (..., 3), the points themselves left out."""
+        """Whether a face of the tooth at `start` or of one next to it lies before `end`, both left out."""
         way = end - start
         hit = np.zeros(way.shape[:-1], bool)
+        known = np.where(np.isfinite(start[..., 0]), start[..., 0], 0.0)
+        tooth = np.clip(known // self._pitch_mm, 0, len(self.pattern) - 1).astype(np.intp)
         with np.errstate(invalid="ignore", divide="ignore"):
-            for face in (*self.pattern, *self.camera):
-                share = face.depth_below(start) / dot(way, face.normal)
-                between = (share > _ENDS) & (share < 1.0 - _ENDS)
-                hit |= between & face.contains(start + share[..., None] * way)
+            for step in (-1, 0, 1):
+                near = np.clip(tooth + step, 0, len(self.pattern) - 1)
+                for face in (self._pattern.at(near), self._camera.at(near)):
+                    share = face.depth_below(start) / dot(way, face.normal)
+                    between = (share > _ENDS) & (share < 1.0 - _ENDS)
+                    hit |= between & face.contains(start + share[..., None] * way)
         return hit
