@@ -39,6 +39,8 @@ LEAST_MM2 = 0.2
 """Area below which nothing is called a contact."""
 _LENS_PX = 0.5
 """Blur of a border by a pupil that the rig does not give."""
+_PIXEL_PX2 = 1 / 6
+"""Variance of a border's blur by the pixel's square, and as much again by what the lens leaves unsharp."""
 _EDGE_PX = 0.1
 """What the blur's own uncertainty leaves open of a border."""
 _PARTED_PX = 4.0
@@ -218,4 +220,4 @@ def _blur_px(rig: Rig) -> float:
     if rig.camera.pupil_mm > 0:
         # of a disc, its radius in the middle of the view
         pupil = float(np.sqrt(np.abs(np.linalg.det(footprint_terms(rig)[0])))) / 2
-    return float(np.hypot(pupil, np.sqrt(1 / 12)))
+    return float(np.hypot(pupil, np.sqrt(_PIXEL_PX2)))
