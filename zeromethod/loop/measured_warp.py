@@ -18,6 +18,7 @@ import numpy as np
 from zeromethod.arrays import Flags, Float, Mask
 from zeromethod.exposure.pairing import Observation
 from zeromethod.exposure.unmixing import at_full_contrast, unmix
+from zeromethod.loop.across_seams import bridged
 from zeromethod.loop.light_hold import LightHold
 from zeromethod.loop.panel_blur import PanelBlur
 from zeromethod.sensing.residual import Residual
@@ -206,12 +207,15 @@ def measure_warp(
     if observation.mixture is not None:
         flags[observation.mixture.mixed] |= _MIXED
     sigma_px = residual.sigma if hold is None else hold.flag(flags, residual.sigma)
+    valid, over_seams = flags == 0, bridged(q, flags, rest)
+    if over_seams is not None:  # a seam that a slope opened is no contact
+        flags[over_seams] = _SEAM
+        valid |= over_seams
     if (rest.visible & (flags != 0)).any():
         sudden = _change(residual.d, known.residual_px, flags) > SUDDEN_PERIODS * grid.period_px
-        # the picture goes on across a seam, and its order with it
-        doubt = order_in_doubt(flags & ~_SEAM == 0, np.zeros_like(known.trusted) if sudden else known.trusted)
+        doubt = order_in_doubt(valid, np.zeros_like(known.trusted) if sudden else known.trusted)
         if doubt is not None:
-            flags[doubt] |= _AMBIGUOUS
+            flags[doubt & (flags & _SEAM == 0)] |= _AMBIGUOUS
     sigma = np.empty_like(q)
     _propagate(shown.q, sigma_px, 1 / grid.spacing_px, sigma)
     return Warp(q, sigma, flags, shown.time_ns)
