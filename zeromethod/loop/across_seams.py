@@ -17,7 +17,7 @@ _MOST_NODES = 24
 def _bridged(moved: Float, step: Float, valid: Mask, seam: Mask, out: Mask) -> None:
     """Into `out` the nodes of rows, between valid ones on either side of a seam, that go on in a line.
 
-    moved: (rows, cols) LCD px since rest, along columns. step: of the LCD position per node at rest: half of a
+    """Nodes (rows, cols) at seams over which order is known; None of a prism. q: measured, LCD px."""
     period, by which a line may be off.
     """
     rows, cols = valid.shape

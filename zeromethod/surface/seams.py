@@ -13,7 +13,7 @@ from dataclasses import replace
 import numba
 import numpy as np
 
-from zeromethod.arrays import Float, Mask
+from zeromethod.arrays import Float, Ints, Mask
 from zeromethod.optics import Optics
 from zeromethod.surface.rays import MirrorRays
 from zeromethod.warp.grid import NodeGrid
@@ -59,9 +59,39 @@ def _polynomial(t: Float, weight: Float, degree: int) -> None:
             weight[i] += at_zero[k] * basis[k, i]
 
 
+@numba.njit(cache=True)
+def _ends(good: Mask, seam: Mask, first: int) -> tuple[int, int]:
+    """From, to of the columns of one row that belong to the seam at `first`.
+
+    A seam that opens is wider than a window says: nodes next to it that were not measured are its own.
+    """
+    start, end, cols = first, first, len(seam)
+    while end < cols and seam[end]:
+        end += 1
+    least, most = max(start - _MOST_DARK, 0), min(end + _MOST_DARK, cols)
+    while start > least and not good[start - 1]:
+        start -= 1
+    while end < most and not good[end]:
+        end += 1
+    return start, end
+
+
+@numba.njit(cache=True)
+def _sides(good: Mask, start: int, end: int, at: Ints) -> bool:
+    """Columns of one row by which a seam's slope is carried; whether all of them were measured."""
+    whole = start >= _SIDE and end + _SIDE <= len(good)
+    for k in range(_SIDE):
+        at[k], at[_SIDE + k] = start - _SIDE + k, end + k
+        whole = whole and good[at[k]] and good[at[_SIDE + k]]
+    return whole
+
+
 @numba.njit(cache=True, error_model="numpy")
 def _carry(x: Float, slope: Float, good: Mask, seam: Mask, out: Float, doubt: Float, gain: Float) -> None:
-    """Slopes (rows, cols, 2) carried to seams, what a lower degree differs by, noise's gain; else NaN."""
+    """Slopes (rows, cols, 2) carried to seams, what a lower degree differs by, noise's gain; else NaN.
+
+    `seam` gets what belongs to seams besides.
+    """
     rows, cols = seam.shape
     at, t = np.empty(2 * _SIDE, np.int64), np.empty(2 * _SIDE)
     high, low = np.empty(2 * _SIDE), np.empty(2 * _SIDE)
@@ -72,38 +102,24 @@ def _carry(x: Float, slope: Float, good: Mask, seam: Mask, out: Float, doubt: Fl
             if not seam[j, i]:
                 i += 1
                 continue
-            end = i
-            while end < cols and seam[j, end]:
-                end += 1
-            # a seam that opens is darker than its window says
-            start, before, after = i, max(i - _MOST_DARK, 0), min(end + _MOST_DARK, cols)
-            while start > before and not good[j, start - 1]:
-                start -= 1
-            while end < after and not good[j, end]:
-                end += 1
+            start, end = _ends(good[j], seam[j], i)
             seam[j, start:end] = True
-            i = start
-            first, last = i - _SIDE, end + _SIDE
-            whole = first >= 0 and last <= cols
-            if whole:
-                for k in range(_SIDE):
-                    at[k], at[_SIDE + k] = first + k, end + k
-                    whole = whole and good[j, first + k] and good[j, end + k]
-            if whole:
-                for node in range(i, end):
-                    for k in range(2 * _SIDE):
-                        t[k] = x[j, at[k]] - x[j, node]
-                    _polynomial(t, high, _DEGREE)
-                    _polynomial(t, low, _LOWER)
-                    gain[j, node] = np.sqrt((high * high).sum())
-                    for axis in range(2):
-                        value, lower = 0.0, 0.0
-                        for k in range(2 * _SIDE):
-                            value += high[k] * slope[j, at[k], axis]
-                            lower += low[k] * slope[j, at[k], axis]
-                        out[j, node, axis] = value
-                        doubt[j, node, axis] = abs(value - lower)
             i = end
+            if not _sides(good[j], start, end, at):
+                continue
+            for node in range(start, end):
+                for k in range(2 * _SIDE):
+                    t[k] = x[j, at[k]] - x[j, node]
+                _polynomial(t, high, _DEGREE)
+                _polynomial(t, low, _LOWER)
+                gain[j, node] = np.sqrt((high * high).sum())
+                for axis in range(2):
+                    value, lower = 0.0, 0.0
+                    for k in range(2 * _SIDE):
+                        value += high[k] * slope[j, at[k], axis]
+                        lower += low[k] * slope[j, at[k], axis]
+                    out[j, node, axis] = value
+                    doubt[j, node, axis] = abs(value - lower)
 
 
 @numba.njit(cache=True, error_model="numpy")
