@@ -15,9 +15,9 @@ _MOST_NODES = 24
 
 @numba.njit(cache=True)
 def _bridged(moved: Float, step: Float, valid: Mask, seam: Mask, out: Mask) -> None:
-    """Into `out` the nodes of rows, between valid ones on either side of a seam, that go on in a line.
+    """Into `out` nodes of rows, between valid ones on either side of a seam, that go on in a line.
 
-    """Nodes (rows, cols) at seams over which order is known; None of a prism. q: measured, LCD px."""
+    moved: (rows, cols) LCD px since rest, along columns. step: of the LCD position per node at rest: half a
     period, by which a line may be off.
     """
     rows, cols = valid.shape
