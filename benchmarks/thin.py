@@ -1,8 +1,8 @@
 """Depth read on the thin saw: dents of sigma 1.5 to 8 mm anywhere on the face, on seams, over three teeth.
 
-The packaged rig `thin`, its geometry known. Warps are exact rays with one frame's noise; what sees a seam is
-not in them. Dents are 0.3 of their fold limit deep (of sigma 8 mm 0.15, which still ends on the LCD). A step is
-the difference, between the nodes to either side of a seam, of the mean error of depth.
+The packaged rig `thin`, its geometry known. Warps are exact rays with one frame's noise; what sees a seam
+is not in them. Dents are 0.3 of their fold limit deep (of sigma 8 mm 0.15, which still ends on the LCD). A
+step is the difference, between the nodes to either side of a seam, of the mean error of depth.
 """
 
 from __future__ import annotations

@@ -62,10 +62,10 @@ def test_nodes_at_seams_are_not_believed(thin):
     )
 
 
-def test_a_seam_whose_neighbours_are_lost_stays_open(thin):
+def test_a_seam_beside_something_larger_that_is_lost_stays_open(thin):
     warp = thin.warp(Gauss(0.01, 40.0, 0.0, 3.0))
     surface = thin.reader.read(warp)
     row = surface.depth_mm.shape[0] // 2
     ends = np.flatnonzero(np.diff(surface.seam[row].astype(int)) == -1)[1] + 1
-    warp.flags[row, ends : ends + 3] |= np.uint16(Flag.LIGHT_LOST)
+    warp.flags[row, ends : ends + 8] |= np.uint16(Flag.LIGHT_LOST)
     assert not thin.reader.read(warp).valid[row, ends - 1]

@@ -197,7 +197,7 @@ class SurfaceReader:
         for _ in range(1 if self._seams is None else PASSES):
             if self._seams is not None:
                 warp, seam = self._seams.carried(measured, depth)
-            sigma_q, usable = warp.sigma[inner].copy(), np.empty(self._usable.shape, bool)
+            sigma_q, usable = warp.sigma[inner].copy(), np.empty_like(self._usable)
             planes = np.empty((2, *usable.shape))
             use_nodes(warp.q[inner], sigma_q, warp.flags[inner], self._usable, planes, usable)
             q = np.moveaxis(planes, 0, -1)
@@ -283,8 +283,7 @@ class SurfaceReader:
         sigma_depth = np.full(island.shape, np.nan)
         anchor = Anchor("none", np.zeros(self._grid.shape, bool), 0.0)
         x, y = reading.point[..., 0], reading.point[..., 1]
-        fit, curl = reading.fit, None
-        systematic: list[Float] = []
+        fit, curl, systematic = reading.fit, None, list[Float]()
         if fit is not None and self._drift is not None:
             of_frame = self._noise.variance(noise, x, y, fit.weights, alone)
             read = KnownReading(x, y, reading.depth, self._scale, of_frame, reading.slope, noise.variance)
@@ -292,8 +291,7 @@ class SurfaceReader:
             systematic.append(border_sigma_mm(reading.slope, reading.point, island))
             systematic += [] if seam is None else [steps_sigma_mm(reading.depth, island)]
             hidden = None if warp.left is None else self._hidden.of(warp.left, noise.variance, island)
-            if hidden is not None:
-                systematic.append(hidden)
+            systematic += [] if hidden is None else [hidden]
             errors = self._depth_share, reading.depth, np.stack(systematic)
             sigma_depth = together(self._scale, of_frame, *errors)
             curl = self._drift.test(warp, reading, noise)
