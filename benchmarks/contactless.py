@@ -33,7 +33,7 @@ from zeromethod.simulation.path import PathPoint, place_at
 from zeromethod.simulation.watch_camera import SimulatedWatchCamera
 
 APPROACHES, QUICK = 500, 24
-TOUCHES, QUICK_TOUCHES = 20, 3
+TOUCHES, QUICK_TOUCHES, QUICK_MINUTES = 20, 3, 2
 MINUTE_FRAMES = 1800
 LATENCY_S = 0.02
 """From a frame's mid-exposure until its answer is there: read-out and computing."""
@@ -268,7 +268,7 @@ def measure(approaches: int, minutes: int, touches: int, parts: Parts) -> Report
 def command(quick: bool, minutes: float, keep: Path | None, most_runs: int | None) -> Report:
     count, touches = (QUICK, QUICK_TOUCHES) if quick else (APPROACHES, TOUCHES)
     parts = Parts(keep, most_runs, quick=quick, minutes=minutes)
-    return measure(count, round(minutes), touches, parts)
+    return measure(count, round(min(minutes, QUICK_MINUTES) if quick else minutes), touches, parts)
 
 
 if __name__ == "__main__":
