@@ -31,8 +31,8 @@ class Spot:
     round_: 0 where it looks flat, 1 where round, with noise, so also beyond; NaN for a rod, which is round.
     lever_mm: from the mirror down to where the lens seems to be. slant2: square of the rays' slope, mean of
     both. cut: only a part of it is in view: height and y are right, x and size are not. doubt_mm: by how much
-    the views disagree about its size, as one does that misses a part as light as the background. reach_mm: half
-    its extent across the views.
+    the views disagree about its size, as one does that misses a part as light as the background.
+    reach_mm: half its extent across the views.
     """
 
     place: Float
