@@ -171,7 +171,7 @@ def fault(rig: Rig, kind: str) -> dict[str, Any]:
                 steps = list(session.run())
             peaks.append([step.depth_peak_mm for step in steps])
             named |= any(one.approach is not None and one.approach.watching in FAULTY for one in steps)
-    changed = int(np.sum(~np.isclose(*peaks, rtol=0, atol=0, equal_nan=True)))
+    changed = int(np.sum(~np.isclose(np.array(peaks[0]), np.array(peaks[1]), rtol=0, atol=0, equal_nan=True)))
     return {"fault": kind, "named": named, "changed": changed}
 
 
