@@ -1,0 +1,98 @@
+"""Depth modes to what a person reads: the peak, and a map of slope and depth, with sigma."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from zeromethod.arrays import Float
+from zeromethod.light_array.modes import Modes
+from zeromethod.light_array.optics import ArrayOptics
+from zeromethod.light_array.rig import SIDE, LightArrayRig
+from zeromethod.surface import Anchor, Peak, Surface
+
+_STEP_MM = 1.0
+"""Pitch on which the peak is looked for; between points it is a parabola's."""
+
+_ALL = 1024
+"""Modes that stand for every surface there may be."""
+
+
+class DepthReader:
+    """Reads modes of one rig. points_mm: (256, 2) where the detectors look, rows along y and columns along x."""
+
+    def __init__(self, rig: LightArrayRig) -> None:
+        modes = Modes.of(rig)
+        # columns so that x rises
+        order = np.arange(SIDE * SIDE).reshape(SIDE, SIDE)[:, ::-1].ravel()
+        self.points_mm = ArrayOptics.of(rig).mirror_mm[order, :2]
+        self._fields = modes.derivatives(self.points_mm)[:3]
+        low, high = self.points_mm.min(axis=0), self.points_mm.max(axis=0)
+        counts = np.ceil((high - low) / _STEP_MM).astype(int) + 1
+        self._x, self._y = (np.linspace(a, b, n) for a, b, n in zip(low, high, counts, strict=True))
+        grid = np.stack([part.ravel() for part in np.meshgrid(self._x, self._y)], axis=1)
+        self._grid = modes.depth(grid)
+        # what the shortest third of the waves shows of a dent, longer and shorter waves show in proportion: a dent
+        # as narrow as any expected has this much more in the waves that are left out
+        count = len(modes.size_mm)
+        size = Modes.of(rig, _ALL).size_mm
+        self._short = slice(count - count // 3, count)
+        self._left_out = float(size[count:].sum() / size[self._short].sum())
+
+    def depth_map(self, modes: Float) -> tuple[Float, Float, Float]:
+        """x (n,), y (m,) and depth (m, n), mm, on points 1 mm apart."""
+        return self._x, self._y, (self._grid @ modes).reshape(len(self._y), len(self._x))
+
+    def sigma_mm(self, fields: Float, modes: Float, covariance: Float, scale: float, frames: int) -> Float:
+        """(n,) standard deviation of what fields (n, modes) read: noise of the mean of frames, waves left out."""
+        count = fields.shape[-1]
+        noise = np.einsum("ni,ij,nj->n", fields, covariance[:count, :count], fields) * max(scale, 1.0) ** 2 / frames
+        left_out = self._left_out * (fields[:, self._short] @ modes[self._short])
+        return np.asarray(np.sqrt(noise + left_out**2))
+
+    def peak(self, modes: Float, covariance: Float, scale: float, frames: int) -> Peak:
+        """Point of largest |depth|."""
+        x, y, depth = self.depth_map(modes)
+        row, col = np.unravel_index(int(np.argmax(np.abs(depth))), depth.shape)
+        top = depth[row, col]
+        dx, raised_x = _parabola(depth[row], int(col))
+        dy, raised_y = _parabola(depth[:, col], int(row))
+        at = int(row) * len(x) + int(col)
+        sigma = self.sigma_mm(self._grid[at : at + 1], modes, covariance, scale, frames)[0]
+        return Peak(
+            float(top + raised_x + raised_y),
+            float(x[col] + dx * (x[1] - x[0])),
+            float(y[row] + dy * (y[1] - y[0])),
+            float(sigma),
+        )
+
+    def surface(self, modes: Float, covariance: Float, scale: float, frames: int, time_ns: int) -> Surface:
+        """Map at the detectors' points, (16, 16)."""
+        shape = (SIDE, SIDE)
+        depth, by_x, by_y = (field @ modes for field in self._fields)
+        sigmas = [self.sigma_mm(field, modes, covariance, scale, frames).reshape(shape) for field in self._fields]
+        everywhere = np.ones(shape, bool)
+        return Surface(
+            depth_mm=depth.reshape(shape),
+            slope=np.stack([by_x, by_y], axis=-1).reshape(*shape, 2),
+            x_mm=self.points_mm[:, 0].reshape(shape).copy(),
+            y_mm=self.points_mm[:, 1].reshape(shape).copy(),
+            sigma_depth_mm=sigmas[0],
+            sigma_slope=np.stack(sigmas[1:], axis=-1),
+            valid=everywhere,
+            contact=~everywhere,
+            anchor=Anchor("known", ~everywhere, 0.0),
+            time_ns=time_ns,
+            iterations=1,
+        )
+
+
+def _parabola(values: Float, at: int) -> tuple[float, float]:
+    """Offset and rise of the summit of a parabola through three values around `at`; 0 at the ends."""
+    if not 0 < at < len(values) - 1:
+        return 0.0, 0.0
+    left, middle, right = values[at - 1 : at + 2]
+    bend = left - 2 * middle + right
+    if bend == 0:
+        return 0.0, 0.0
+    off = 0.5 * (left - right) / bend
+    return float(off), float(-((left - right) ** 2) / (8 * bend))
