@@ -28,7 +28,7 @@ _SATURATED, _DEAD = 0.98, 0.03
 
 
 class Channels:
-    """Which LEDs and detectors are believed. faults: what was named, and why; led: (256,) gains, 0 where left out."""
+    """Which LEDs and detectors are believed. faults: names, and why; led: (256,) gains, 0 where left out."""
 
     def __init__(self, start: Start) -> None:
         self.faults = dict(start.faults)
@@ -39,7 +39,9 @@ class Channels:
         self._mean = np.zeros(COUNT)
         self._frames = 0
 
-    def see(self, found: Fit, counts: Counts, light: Light, lit: Float, sigma: float, resting: bool) -> list[str]:
+    def see(
+        self, found: Fit, counts: Counts, light: Light, lit: Float, sigma: float, resting: bool
+    ) -> list[str]:
         """Take what a frame left over; names of channels that are left out from now on.
 
         lit: (256,) levels times gains. resting: nothing presses, so that no narrow dent passes for a fault.

@@ -18,7 +18,7 @@ _ALL = 1024
 
 
 class DepthReader:
-    """Reads modes of one rig. points_mm: (256, 2) where the detectors look, rows along y and columns along x."""
+    """Reads modes of one rig. points_mm: (256, 2) where detectors look, rows along y, columns along x."""
 
     def __init__(self, rig: LightArrayRig) -> None:
         modes = Modes.of(rig)
@@ -31,21 +31,26 @@ class DepthReader:
         self._x, self._y = (np.linspace(a, b, n) for a, b, n in zip(low, high, counts, strict=True))
         grid = np.stack([part.ravel() for part in np.meshgrid(self._x, self._y)], axis=1)
         self._grid = modes.depth(grid)
-        # what the shortest third of the waves shows of a dent, longer and shorter waves show in proportion: a dent
-        # as narrow as any expected has this much more in the waves that are left out
+        # what the shortest third of the waves shows of a dent, longer and shorter waves show in proportion: a
+        # dent as narrow as any expected has this much more in the waves that are left out
         count = len(modes.size_mm)
         size = Modes.of(rig, _ALL).size_mm
         self._short = slice(count - count // 3, count)
         self._left_out = float(size[count:].sum() / size[self._short].sum())
 
     def depth_map(self, modes: Float) -> tuple[Float, Float, Float]:
-        """x (n,), y (m,) and depth (m, n), mm, on points 1 mm apart."""
+        """Places x (n,), y (m,) and depth (m, n), mm, on points 1 mm apart."""
         return self._x, self._y, (self._grid @ modes).reshape(len(self._y), len(self._x))
 
+    def depth_of(self, modes: Float) -> Float:
+        """(k, n) depth of several readings (k, modes) at all points of `depth_map`."""
+        return np.asarray(modes @ self._grid.T)
+
     def sigma_mm(self, fields: Float, modes: Float, covariance: Float, scale: float, frames: int) -> Float:
-        """(n,) standard deviation of what fields (n, modes) read: noise of the mean of frames, waves left out."""
+        """(n,) standard deviation of what fields (n, modes) read: by noise, and by waves left out."""
         count = fields.shape[-1]
-        noise = np.einsum("ni,ij,nj->n", fields, covariance[:count, :count], fields) * max(scale, 1.0) ** 2 / frames
+        noise = np.einsum("ni,ij,nj->n", fields, covariance[:count, :count], fields) * max(scale, 1.0) ** 2
+        noise = noise / frames
         left_out = self._left_out * (fields[:, self._short] @ modes[self._short])
         return np.asarray(np.sqrt(noise + left_out**2))
 
@@ -69,7 +74,9 @@ class DepthReader:
         """Map at the detectors' points, (16, 16)."""
         shape = (SIDE, SIDE)
         depth, by_x, by_y = (field @ modes for field in self._fields)
-        sigmas = [self.sigma_mm(field, modes, covariance, scale, frames).reshape(shape) for field in self._fields]
+        sigmas = [
+            self.sigma_mm(field, modes, covariance, scale, frames).reshape(shape) for field in self._fields
+        ]
         everywhere = np.ones(shape, bool)
         return Surface(
             depth_mm=depth.reshape(shape),

@@ -35,10 +35,13 @@ class ArraysLost(Exception):
 
 
 class LightArrays(Protocol):
-    """Arrays, real or simulated. refused: frames that came broken so far, and were dropped."""
+    """Arrays, real or simulated."""
 
-    refused: int
     live: bool
+
+    @property
+    def refused(self) -> int:
+        """Frames that came broken so far."""
 
     def send(self, number: int, levels: Counts) -> None:
         """Have levels lit, as soon as may be. Raises ArraysLost."""
@@ -54,10 +57,10 @@ class LightArrays(Protocol):
 
 
 def open_arrays(rig: LightArrayRig) -> LightArrays:
-    """Arrays that a rig names. Raises InputError, one line, for an address that is none or cannot be opened."""
+    """Arrays that a rig names. Raises InputError, one line, for an address that cannot be opened."""
     address = rig.arrays.address
     if address == "simulated":
-        from zeromethod.light_array.simulated import SimulatedArrays  # noqa: PLC0415 - real arrays need none of it
+        from zeromethod.light_array.simulated import SimulatedArrays  # noqa: PLC0415 - as below
 
         return SimulatedArrays(rig)
     from zeromethod.light_array.link import LinkedArrays  # noqa: PLC0415 - simulated ones need none

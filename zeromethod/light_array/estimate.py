@@ -1,4 +1,4 @@
-"""One frame's numbers, compiled: from readings and the levels that were lit to depth modes, and to the next levels."""
+"""One frame's numbers, compiled: readings and the levels that were lit to depth modes and the next levels."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Model(NamedTuple):
 
 
 class Light(NamedTuple):
-    """Where the detectors look: nearest LED (256, 2), and the spots of the LEDs around it along and across."""
+    """Where detectors look: nearest LED (256, 2), and the spots of the LEDs around it along and across."""
 
     near: Ints
     along: Float
@@ -56,8 +56,9 @@ class Light(NamedTuple):
 
 
 _DAMPING = 0.03
-"""Square of the share of an LED's pattern in the readings below which it is not levelled in one step: where the mirror
-gathers light, several detectors look at one LED, and what few LEDs cannot show must not drive them to their limits."""
+"""Square of the share of an LED's pattern in the readings below which it is not levelled in one step: where
+the mirror gathers light, several detectors look at one LED, and what few LEDs cannot show must not drive them to
+their limits."""
 
 
 def model_of(rig: LightArrayRig) -> Model:
@@ -70,7 +71,9 @@ def model_of(rig: LightArrayRig) -> Model:
         depth, slope = zero.copy(), np.zeros((COUNT, 2))
         for sign in (1, -1):
             (depth if which == 0 else slope[:, which - 1])[:] = sign * step
-            place = optics.mirror_mm[:, :2] + np.outer(depth, [-optics.direction[0, 0] / optics.direction[0, 2], 0])
+            place = optics.mirror_mm[:, :2] + np.outer(
+                depth, [-optics.direction[0, 0] / optics.direction[0, 2], 0]
+            )
             changes.append(optics.looked_at(depth, slope, place))
     by = [(changes[2 * k] - changes[2 * k + 1]) / (2 * step) for k in range(3)]
     by_mode = np.array([sum(by[k][:, axis, None] * fields[k] for k in range(3)) for axis in (0, 1)])
@@ -87,7 +90,7 @@ def model_of(rig: LightArrayRig) -> Model:
 
 @numba.njit(cache=True)
 def looked_at(model: Model, modes: Float) -> Float:
-    """(256, 2) place on the LED plane that each detector looks at, LED pitches, by the mirror of these modes."""
+    """(256, 2) place on the LED plane that each detector looks at, LED pitches, by the mirror of modes."""
     field = model.fields @ modes
     place = np.empty((COUNT, 2))
     for k in range(COUNT):
@@ -190,7 +193,7 @@ def _back(light: Light, values: Float) -> Float:
 
 @numba.njit(cache=True)
 def correction(light: Light, missing: Float, gain: Float, sigma: float) -> Float:
-    """(256,) change of levels that adds the light `missing` (256,) at the detectors, to within its noise sigma.
+    """(256,) change of levels that adds the light `missing` (256,) at the detectors, within its noise sigma.
 
     gain: (256,) of each LED, 0 for none.
     """
@@ -217,9 +220,10 @@ def correction(light: Light, missing: Float, gain: Float, sigma: float) -> Float
 
 
 class Fit(NamedTuple):
-    """What a frame says. place: (256, 2) looked at before the step; left: (256,) residual after it, in sigmas.
+    """What a frame says. state: after the step; left: (256,) residual after it, in sigmas.
 
-    moved: largest change of a place by the step, LED pitches. scale: robust size of `left`, 1 for noise alone.
+    moved: largest change of a place by the step, LED pitches. scale: robust size of `left`, 1 for noise
+    alone.
     """
 
     state: Float
@@ -230,12 +234,20 @@ class Fit(NamedTuple):
 
 @numba.njit(cache=True)
 def fit(
-    model: Model, state: Float, covariance: Float, fresh: bool, lit: Float, offset: Float, reading: Float, used: Mask
+    model: Model,
+    state: Float,
+    covariance: Float,
+    fresh: bool,
+    lit: Float,
+    offset: Float,
+    reading: Float,
+    used: Mask,
 ) -> Fit:
     """Step of Gauss and Newton from `state` (modes, then brightness and light from outside), by one frame.
 
-    covariance: of the state, (n, n), renewed in place where `fresh`. lit: (256,) levels times the LEDs' gains.
-    offset: (256,) what readings have at rest that the model has not. reading: (256,). used: which of them count.
+    covariance: of the state, (n, n), renewed in place where `fresh`. lit: (256,) levels times the LEDs'
+    gains. offset: (256,) what readings have at rest that the model has not. reading: (256,). used: which of
+    them count.
     """
     count = len(state) - 2
     place = looked_at(model, state[:count])

@@ -1,7 +1,7 @@
 """The frames on the link to real arrays, byte by byte: docs/leds.md has the table.
 
-Little-endian: "ZL", version 1, kind (1 levels, 2 readings), number (u32), shown (u32; 0 in levels), time_ns (u64; 0 in
-levels), 256 values (u16), CRC-32 (u32) of all before it: 536 bytes.
+Little-endian: "ZL", version 1, kind (1 levels, 2 readings), number (u32), shown (u32; 0 in levels), time_ns
+(u64; 0 in levels), 256 values (u16), CRC-32 (u32) of all before it: 536 bytes.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class Frames:
     def add(self, data: bytes) -> list[Readings]:
         """Frames that are whole with these bytes."""
         self._data += data
-        found = []
+        found: list[Readings] = []
         while True:
             at = self._data.find(_MAGIC)
             if at < 0:

@@ -1,4 +1,4 @@
-"""Real arrays, by UDP or a serial line: frames of `zeromethod.light_array.frames` both ways; the arrays' clock leads."""
+"""Real arrays, by UDP or a serial line: frames of `light_array/frames.py` both ways; their clock leads."""
 
 from __future__ import annotations
 
@@ -35,12 +35,15 @@ class LinkedArrays:
             self._peer, self._path = None, line[1]
         else:
             raise InputError(f"arrays.address: {address!r}: allowed: {ALLOWED}")
-        self._handle, self._socket = -1, None
+        self._handle = -1
+        self._socket: socket.socket | None = None
         self._frames, self._waiting = Frames(READINGS), deque[Readings]()
         try:
             self._open()
         except OSError as error:
-            raise InputError(f"arrays.address: {address!r}: cannot be opened: {error.strerror or error}") from None
+            raise InputError(
+                f"arrays.address: {address!r}: cannot be opened: {error.strerror or error}"
+            ) from None
 
     def _open(self) -> None:
         self.close()

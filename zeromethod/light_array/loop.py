@@ -1,4 +1,4 @@
-"""The loop of LED and detector arrays: readings in, depth modes and the next levels out, with states as of a camera's loop."""
+"""The loop of LED and detector arrays: readings in, depth modes and the next levels out."""
 
 from __future__ import annotations
 
@@ -17,7 +17,6 @@ from zeromethod.light_array.channels import Channels
 from zeromethod.light_array.depth import DepthReader
 from zeromethod.light_array.devices import FULL_SCALE, ArraysLost, Counts, LightArrays, Readings
 from zeromethod.light_array.estimate import Light, correction, fit, light_at, looked_at, model_of, seen
-from zeromethod.light_array.optics import COUNT
 from zeromethod.light_array.rig import LightArrayRig
 from zeromethod.light_array.start import Start, measure_start
 from zeromethod.loop.state import LOCK_FRAMES, NULLED, State
@@ -44,17 +43,18 @@ _SETTLED = 0.02
 
 _FEWEST_USED = 0.5
 _UNFIT_FRAMES = 50
-_UNFIT_WORDS = "the depth modes do not explain the light: a dent finer than they are, light from outside, or another bench"
+_UNFIT_WORDS = "the depth modes do not explain the light: too fine a dent, light from outside, another bench"
 _REST_SIGMAS = 5.0
 _TIMEOUT_S, _RETRY_S = 0.1, 0.2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class LightStep(StepFigures):
-    """One frame. light_residual: rms over the detectors used, of full scale, of how far readings are from rest.
+    """One frame. light_residual: how far readings are from rest, rms over the detectors used, of full scale.
 
-    shown, counts: levels that were lit and what was read, None without readings. modes: a reading of depth, mean of the
-    last frames, where this frame ends one. surface: a map, now and then. contacts: none are found.
+    shown, counts: levels that were lit and what was read, None without readings. modes: a reading of depth,
+    mean of the last frames, where this frame ends one. surface: a map, now and then. contacts: none are
+    found.
     """
 
     light_residual: float = math.nan
@@ -92,13 +92,15 @@ class LightLoop:
         return {} if self.start is None else self._channels.faults
 
     def run(self, frames: int | None = None, seconds: float | None = None) -> Iterator[LightStep]:
-        """Measure the start, then close the loop for so many frames or seconds of the arrays' clock; None: for good."""
+        """Measure the start, then close the loop for so many frames or seconds of the arrays' clock."""
         try:
             if self.start is None:
                 self.start = measure_start(self.rig, self.model, self._exchange)
                 self._channels = Channels(self.start)
                 self._send(self.start.levels)
-                yield self._step(notes=tuple(f"{name} is {why} and left out" for name, why in self.faults.items()))
+                yield self._step(
+                    notes=tuple(f"{name} is {why} and left out" for name, why in self.faults.items())
+                )
             done = 0
             while not self.stopped and (frames is None or done < frames):
                 got = self._next()
@@ -141,7 +143,7 @@ class LightLoop:
         return found
 
     def _wait(self) -> Readings | None:
-        """Return the next readings while the start is measured. Raises _GivenUp where none come for too long."""
+        """Return the next readings while the start is measured. Raises _GivenUp where none come."""
         for _ in range(max(round(self.rig.arrays.reopen_s / _TIMEOUT_S), 1)):
             got = self._next()
             if got is not None or self.state is State.FAULT:
@@ -166,9 +168,14 @@ class LightLoop:
         if got is None:
             self.counts["times without readings"] += not self._silent_s
             silent_s = self._silent_s = self._silent_s + _TIMEOUT_S
-            self.state, self.reason = State.HOLDING, f"no readings for {silent_s:.1f} s: power, cable, address"
+            self.state, self.reason = (
+                State.HOLDING,
+                f"no readings for {silent_s:.1f} s: power, cable, address",
+            )
             if silent_s >= self.rig.arrays.reopen_s:
                 self.state, self.reason = State.FAULT, f"the arrays sent nothing for {silent_s:.1f} s"
+            elif self._sent:  # arrays that were off do not know whom to send readings to
+                self.arrays.send(*self._sent[-1])
             return None
         self._silent_s = 0.0
         if last is not None and got.number <= last.number:
@@ -200,7 +207,10 @@ class LightLoop:
         shown = next((levels for number, levels in reversed(self._sent) if number == got.shown), None)
         if shown is None:
             self.counts["readings of levels never sent"] += 1
-            self.state, self.reason = State.HOLDING, "readings show levels that were not sent: is there a second host?"
+            self.state, self.reason = (
+                State.HOLDING,
+                "readings show levels that were not sent: is there a second host?",
+            )
             self._send(self._sent[-1][1])
             return self._step(got)
         channels = self._channels
@@ -208,7 +218,14 @@ class LightLoop:
         reading = self.start.reading(got.counts)
         fresh = self._frames % READ_EVERY == 1 or not self._settled
         found = fit(
-            self.model, self._estimate, self._covariance, fresh, lit, self.start.offset, reading, channels.used
+            self.model,
+            self._estimate,
+            self._covariance,
+            fresh,
+            lit,
+            self.start.offset,
+            reading,
+            channels.used,
         )
         self._estimate = found.state
         self._settled = found.moved < _SETTLED
@@ -235,7 +252,9 @@ class LightLoop:
             readable=modes is not None,
             valid_share=float(np.mean(channels.used)),
             loop_ms=1e3 * (time.perf_counter() - began),
-            light_residual=float(np.sqrt(np.mean(missing[channels.used] ** 2))) if channels.used.any() else math.nan,
+            light_residual=float(np.sqrt(np.mean(missing[channels.used] ** 2)))
+            if channels.used.any()
+            else math.nan,
             shown=shown,
             counts=got.counts,
             modes=modes,

@@ -1,7 +1,8 @@
 """The surfaces that depth is read in: sines within the frame, 0 along it, the longest waves first.
 
-A mirror full of dents of sigma w, each with its images in the frame, has in a sine of wave number k a variance that falls
-as exp(-k^2 w^2). Coefficients are in units of that standard deviation, so that the prior of each is 1.
+A mirror full of dents of sigma w, each with its images in the frame, has in a sine of wave number k a
+variance that falls as exp(-k^2 w^2). Coefficients are in units of that standard deviation, so that the prior
+of each is 1.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ _MOST = 64
 
 @dataclass(frozen=True)
 class Modes:
-    """Modes of depth. corner_mm: (2,); wave: (2, modes) wave numbers along x and y, rad/mm; size_mm: (modes,)."""
+    """Modes of depth. wave: (2, modes) wave numbers along x and y, rad/mm; size_mm: (modes,)."""
 
     corner_mm: Float
     wave: Float

@@ -1,8 +1,8 @@
-"""What the rig file says of the light: where each detector looks on the mirror, and what it sees of the LEDs."""
+"""Light by the rig file: where each detector looks on the mirror, and what it sees of the LEDs."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,12 +16,12 @@ COUNT = SIDE * SIDE
 
 @dataclass(frozen=True)
 class ArrayOptics:
-    """Geometry of a rig with arrays; channel k stands at row k // 16 (along y), column k % 16 (along the face).
+    """Geometry of a rig with arrays; channel k is in row k // 16 (along y), column k % 16 (along the face).
 
     origin_mm, direction: (256, 3) the ray that each detector looks along, from its face, into the rubber.
     led_edge_mm, led_along, led_normal: (3,) P0, and the unit vectors along the pattern face and out of it.
-    first_mm: (2,) place of LED 0 on the pattern face, along it and y. blur_mm: (256,) Gaussian sigma of what a
-    detector sees of one LED, the mirror being flat.
+    first_mm: (2,) place of LED 0 on the pattern face, along it and y. blur_mm: (256,) Gaussian sigma of what
+    a detector sees of one LED, the mirror being flat.
     """
 
     origin_mm: Float
@@ -52,7 +52,7 @@ class ArrayOptics:
         path += np.abs((there - pattern.edge) @ pattern.normal)
         angle = 1e-3 * detectors.acceptance_mrad * path
         blur = np.sqrt(leds.spot_mm**2 + detectors.aperture_mm**2 + angle**2)
-        return cls(*(getattr(own, name) for name in tuple(cls.__annotations__)[:-1]), blur)
+        return replace(own, blur_mm=blur)
 
     @property
     def mirror_mm(self) -> Float:
@@ -61,7 +61,7 @@ class ArrayOptics:
         return self.origin_mm + along[:, None] * self.direction
 
     def looked_at(self, depth: Float, slope: Float, at_mm: Float | None = None) -> Float:
-        """Where rays that meet the mirror at (n, 2) x, y and so deep, slope (n, 2) there, come from: LED pitches.
+        """Where rays that meet the mirror at (n, 2) x, y, with this depth and slope, come from: LED pitches.
 
         at_mm: by default where the detectors look at rest. Returns (n, 2), 0 at LED 0.
         """

@@ -109,8 +109,8 @@ class Arrays(Table):
 class Simulation(Table):
     """The simulated arrays, and faults planted from `fault_s` of the scenario on.
 
-    led_spread, detector_spread: rms of their gains about 1. drift_per_s: relative. lose_frames: lost readings.
-    turned_mrad: by how much the detectors are truly turned about y against the rig file.
+    led_spread, detector_spread: rms of their gains about 1. drift_per_s: relative. lose_frames: lost
+    readings. turned_mrad: by how much the detectors are truly turned about y against the rig file.
     """
 
     seed: Count = 0
@@ -178,7 +178,7 @@ def parse(text: str, where: str | Path) -> LightArrayRig | None:
 
 
 def load_light_array(name: str | Path) -> LightArrayRig | None:
-    """Rig of arrays from a file, or the packaged "leds"; None where the file is a camera's rig, or missing."""
+    """Rig of arrays from a file, or the packaged "leds"; None where it is a camera's rig, or missing."""
     if str(name) in LIGHT_ARRAYS:
         path = resource("calibration", "rigs", f"{name}.toml")
     else:

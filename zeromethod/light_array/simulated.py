@@ -1,7 +1,7 @@
 """Simulated arrays: light followed ray by ray from the detectors to the LEDs by the true mirror, with faults.
 
-It shares nothing with the reader but the rig file: sixteen rays for each detector over lens and acceptance, met with the
-true dents and their images in the frame, and every LED's spot at every ray's end.
+It shares nothing with the reader but the rig file: sixteen rays for each detector over lens and acceptance,
+met with the true dents and their images in the frame, and every LED's spot at every ray's end.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from zeromethod.simulation.press import Mirror
 from zeromethod.simulation.scenario import Scenario, load_scenario
 
 _PAIRS = np.sqrt(2) * np.array([(1, 0), (-1, 0), (0, 1), (0, -1)])
-"""Place on the lens and direction, each in sigmas, that stand for all along one axis: exact to the third order."""
+"""Place on the lens and direction, in sigmas, that stand for all along one axis: exact to third order."""
 
 _PASSES = 2
 
@@ -142,14 +142,16 @@ class SimulatedArrays:
         # the pattern face: through P0, at its angle below the mirror
         angle = np.radians(self.rig.prism.pattern_angle_deg)
         sine, cosine = np.sin(angle), np.cos(angle)
-        rest = -(place[..., 0] * sine + place[..., 2] * cosine) / (away[..., 0] * sine + away[..., 2] * cosine)
+        rest = -(place[..., 0] * sine + place[..., 2] * cosine) / (
+            away[..., 0] * sine + away[..., 2] * cosine
+        )
         end = place + rest[..., None] * away
         u, v = end[..., 0] * cosine - end[..., 2] * sine, end[..., 1]
         leds = self.rig.leds
-        steps = (np.arange(SIDE) - (SIDE - 1) / 2) * leds.pitch_mm
+        steps: Float = (np.arange(SIDE) - (SIDE - 1) / 2) * leds.pitch_mm
         across = _spot(v, leds.centre_mm[1] + steps, leds.spot_mm, leds.pitch_mm) / len(_PAIRS) ** 2
         along = _spot(u, leds.centre_mm[0] + steps, leds.spot_mm, leds.pitch_mm)
-        return np.matmul(across.transpose(0, 2, 1), along).reshape(SIDE * SIDE, SIDE * SIDE)
+        return np.asarray(np.matmul(across.transpose(0, 2, 1), along).reshape(SIDE * SIDE, SIDE * SIDE))
 
 
 def _spot(at: Float, leds: Float, spot_mm: float, pitch_mm: float) -> Float:
@@ -159,7 +161,7 @@ def _spot(at: Float, leds: Float, spot_mm: float, pitch_mm: float) -> Float:
 
 
 def _rays(rig: LightArrayRig) -> tuple[Float, Float]:
-    """Starts and directions (256, 16, 3) of the rays of every detector, which have equal shares of its light."""
+    """Starts and directions (256, 16, 3) of the rays of every detector, with equal shares of its light."""
     prism: Prism = rig.prism
     alpha, beta = np.radians(prism.pattern_angle_deg), np.radians(prism.camera_angle_deg)
     length = prism.mirror_length_mm

@@ -1,10 +1,11 @@
-"""Stands in for real arrays: a process that serves the simulated ones by UDP or a pseudo-terminal, faults of the link included.
+"""Stands in for real arrays: a process that serves simulated ones by UDP or a pseudo-terminal, with faults.
 
     python -m zeromethod.light_array.stand_in udp://127.0.0.1:5010 --scenario step
     python -m zeromethod.light_array.stand_in serial --lose 0.01 --break 0.01
 
-It sends a reading, waits at most `--wait` for the levels that answer it, and goes on: its clock is simulated time, so that
-a slow host, or computer, loses nothing. The first line on standard output is the address to give to `run --camera`.
+It sends a reading, waits at most `--wait` for the levels that answer it, and goes on: its clock is simulated
+time, so that a slow host, or computer, loses nothing. The first line on standard output is the address to
+give to `run --camera`.
 """
 
 from __future__ import annotations
@@ -30,7 +31,9 @@ class _Line:
     """The stand-in's end of a link."""
 
     def __init__(self, address: str) -> None:
-        self._socket, self._peer, self._frames = None, None, Frames(LEVELS)
+        self._socket: socket.socket | None = None
+        self._peer: tuple[str, int] | None = None
+        self._frames = Frames(LEVELS)
         if address.startswith("udp://"):
             host, _, port = address.removeprefix("udp://").rpartition(":")
             self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -66,8 +69,16 @@ class _Line:
 @click.option("--rig", default="leds", help="Rig file of the arrays.")
 @click.option("--scenario", default=None, help="What presses.")
 @click.option("--lose", type=click.FloatRange(0, 1), default=0.0, help="Share of readings that are lost.")
-@click.option("--break", "broken", type=click.FloatRange(0, 1), default=0.0, help="Share that are broken on the way.")
-@click.option("--stall", nargs=2, type=float, default=(0.0, 0.0), help="Send nothing from this frame on, for so long, s.")
+@click.option(
+    "--break", "broken", type=click.FloatRange(0, 1), default=0.0, help="Share that are broken on the way."
+)
+@click.option(
+    "--stall",
+    nargs=2,
+    type=float,
+    default=(0.0, 0.0),
+    help="Send nothing from this frame on, for so long, s.",
+)
 @click.option("--end", type=int, default=None, help="End after so many frames.")
 @click.option("--wait", "wait_s", type=float, default=0.02, help="Wait so long for an answer, s.")
 def stand_in(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from zeromethod.arrays import Float, Mask
+from zeromethod.arrays import Float
 from zeromethod.errors import MeasurementError
 from zeromethod.light_array.devices import FULL_SCALE, Counts, Readings
 from zeromethod.light_array.estimate import Model, light_at, looked_at, seen
@@ -31,10 +31,10 @@ Exchange = Callable[[Sequence[Counts]], list[Readings | None]]
 
 @dataclass(frozen=True)
 class Start:
-    """What the arrays are like. led, detector: gains (256,), 0 for what is dead; dark: (256,) of full scale.
+    """What the arrays are like. led, detector: gains (256,), 0 for dead ones; dark: (256,) of full scale.
 
-    offset: (256,) what readings at rest have that the optics have not. rest: (256,) readings at rest, over the gains.
-    levels: (256,) at rest. faults: names of channels left out, and why.
+    offset: (256,) what readings at rest have that the optics have not. rest: (256,) readings at rest, over
+    the gains. levels: (256,) at rest. faults: names of channels left out, and why.
     """
 
     led: Float
@@ -61,8 +61,9 @@ def levels_at_rest(rig: LightArrayRig) -> Counts:
 
 def measure_start(rig: LightArrayRig, model: Model, exchange: Exchange) -> Start:
     """Measure what the arrays are like, the mirror at rest. Raises MeasurementError where it cannot."""
-    dark = _mean(exchange, np.zeros(COUNT, np.uint16), _DARK_FRAMES)
-    total, times = np.zeros((COUNT, COUNT)), np.zeros(COUNT)
+    dark: Float = _mean(exchange, np.zeros(COUNT, np.uint16), _DARK_FRAMES)
+    total: Float = np.zeros((COUNT, COUNT))
+    times = np.zeros(COUNT)
     for round_ in range(_MOST_ROUNDS):
         if round_ >= _ROUNDS and times.min() >= _FEWEST:
             break
@@ -83,7 +84,6 @@ def measure_start(rig: LightArrayRig, model: Model, exchange: Exchange) -> Start
     if min(np.mean(led > 0), np.mean(detector > 0)) < _FEWEST_ALIVE:
         raise MeasurementError("the arrays: more than half of the LEDs or detectors are dead")
     levels = np.where(led > 0, levels_at_rest(rig), 0).astype(np.uint16)
-    start = Start(led, detector, dark, np.zeros(COUNT), np.zeros(COUNT), levels, faults)
     rest = (_mean(exchange, levels, _REST_FRAMES) - dark) / np.where(detector > 0, detector, np.inf)
     offset = rest - seen(light, led * levels / FULL_SCALE)
     return Start(led, detector, dark, np.where(detector > 0, offset, 0.0), rest, levels, faults)
@@ -93,21 +93,21 @@ def _mean(exchange: Exchange, levels: Counts, frames: int) -> Float:
     """(256,) mean of the readings under levels, of full scale."""
     found = [one.counts for one in exchange([levels] * frames) if one is not None]
     if len(found) < _FEWEST:
-        raise MeasurementError("the arrays: no readings that show the levels sent: see docs/leds.md, the link")
+        raise MeasurementError(
+            "the arrays: no readings that show the levels sent: see docs/leds.md, the link"
+        )
     return np.asarray(np.mean(found, axis=0) / FULL_SCALE)
 
 
 def _gains(response: Float, expected: Float) -> tuple[Float, Float]:
-    """Gains of LEDs and detectors whose products, times what is expected, fit responses (detectors, LEDs) best."""
-    alive: Mask = np.ones(COUNT, bool)
-    led, detector = np.ones(COUNT), np.ones(COUNT)
+    """Gains of LEDs and detectors by which what is expected fits responses (detectors, LEDs) best."""
+    led: Float = np.ones(COUNT)
     for _ in range(30):
         by_led = expected * led
         detector = np.sum(by_led * response, axis=1) / np.sum(by_led**2, axis=1)
         by_detector = expected * detector[:, None]
         led = np.sum(by_detector * response, axis=0) / np.sum(by_detector**2, axis=0)
-        led = np.where(led > _DEAD * np.median(led), led, 0.0)
+        led = np.asarray(np.where(led > _DEAD * np.median(led), led, 0.0))
         detector = np.where(detector > _DEAD * np.median(detector), detector, 0.0)
-        alive = led > 0
-        led /= led[alive].mean()
+        led = led / led[led > 0].mean()
     return led, detector

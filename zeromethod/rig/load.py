@@ -10,7 +10,6 @@ from zeromethod.resources import resource
 from zeromethod.rig.model import Rig
 from zeromethod.rig.refusal import shown
 
-
 LIGHT_ARRAYS = ("leds",)
 """Packaged rigs of LED and photodetector arrays, which have no camera and a schema of their own."""
 
