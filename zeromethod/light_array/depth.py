@@ -49,8 +49,7 @@ class DepthReader:
     def sigma_mm(self, fields: Float, modes: Float, covariance: Float, scale: float, frames: int) -> Float:
         """(n,) standard deviation of what fields (n, modes) read: by noise, and by waves left out."""
         count = fields.shape[-1]
-        noise = np.einsum("ni,ij,nj->n", fields, covariance[:count, :count], fields) * max(scale, 1.0) ** 2
-        noise = noise / frames
+        noise = np.sum((fields @ covariance[:count, :count]) * fields, axis=1) * max(scale, 1.0) ** 2 / frames
         left_out = self._left_out * (fields[:, self._short] @ modes[self._short])
         return np.asarray(np.sqrt(noise + left_out**2))
 

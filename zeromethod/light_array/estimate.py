@@ -30,8 +30,8 @@ class Model(NamedTuple):
     """What does not change during a run.
 
     fields: (6 * 256, modes) of `Modes.derivatives` where detectors look. along: (256,) how far along x a ray
-    goes on per depth. by_depth: (2, 256, modes) place looked at, LED pitches, per mode, at rest. prior:
-    (modes + 2,) 1 / variance of the state. sigma: noise of one reading.
+    goes on per depth. tails: (256, 4) of spots, by how many LEDs off. by_mode: (2, 256, modes) place looked at,
+    LED pitches, per mode, at rest. prior: (modes + 2,) 1 / variance of the state. sigma: noise of one reading.
     """
 
     fields: Float
@@ -42,6 +42,7 @@ class Model(NamedTuple):
     first: Float
     pitch: float
     blur: Float
+    tails: Float
     by_mode: Float
     prior: Float
     sigma: float
@@ -56,9 +57,8 @@ class Light(NamedTuple):
 
 
 _DAMPING = 0.03
-"""Square of the share of an LED's pattern in the readings below which it is not levelled in one step: where
-the mirror gathers light, several detectors look at one LED, and what few LEDs cannot show must not drive them to
-their limits."""
+"""Square of the share of a pattern of levels that reaches the detectors below which it takes several frames:
+where the mirror gathers light, several detectors look at one LED, and few LEDs cannot show what all should see."""
 
 
 def model_of(rig: LightArrayRig) -> Model:
@@ -80,11 +80,13 @@ def model_of(rig: LightArrayRig) -> Model:
     count = fields.shape[2]
     prior = np.ones(count + 2)
     prior[count], prior[count + 1] = _PRIOR_LIGHT**-2, _PRIOR_AMBIENT**-2
+    blur = optics.blur_mm / optics.pitch_mm
+    tails = np.exp(-(np.arange(_REACH + 1) ** 2) / (2 * blur[:, None] ** 2))
     return Model(
         fields.reshape(6 * COUNT, count), optics.mirror_mm, optics.direction,
         -optics.direction[:, 0] / optics.direction[:, 2],
         np.array([optics.led_edge_mm, optics.led_along, optics.led_normal]), optics.first_mm, optics.pitch_mm,
-        optics.blur_mm / optics.pitch_mm, np.ascontiguousarray(by_mode), prior, rig.detectors.noise,
+        blur, tails, np.ascontiguousarray(by_mode), prior, rig.detectors.noise,
     )  # fmt: skip
 
 
@@ -122,21 +124,24 @@ def light_at(model: Model, place: Float) -> Light:
     near = np.empty((COUNT, 2), np.int64)
     spots = np.empty((2, COUNT, _WINDOW))
     for k in range(COUNT):
-        blur = model.blur[k]
+        square = model.blur[k] ** 2
         for axis in range(2):
             # a place far off the array is dark, whatever it is
             at = min(max(place[k, axis], -2.0 * SIDE), 3.0 * SIDE)
             near[k, axis] = round(at)
             off = at - near[k, axis]
-            first = np.exp(-off * off / (2 * blur * blur)) / (np.sqrt(2 * np.pi) * blur)
-            ratio = np.exp(off / (blur * blur))
-            for j in range(_WINDOW):
-                step = j - _REACH
-                spots[axis, k, j] = first * ratio**step * np.exp(-step * step / (2 * blur * blur))
+            spot = spots[axis, k]
+            spot[_REACH] = np.exp(-off * off / (2 * square)) / np.sqrt(2 * np.pi * square)
+            up = down = spot[_REACH]
+            rise, fall = np.exp(off / square), np.exp(-off / square)
+            for j in range(1, _REACH + 1):
+                up *= rise
+                down *= fall
+                spot[_REACH + j], spot[_REACH - j] = up * model.tails[k, j], down * model.tails[k, j]
     return Light(near, spots[0], spots[1])
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, fastmath=True)
 def seen(light: Light, levels: Float) -> Float:
     """(256,) light that each detector sees of levels (256,)."""
     total = np.zeros(COUNT)
@@ -153,7 +158,7 @@ def seen(light: Light, levels: Float) -> Float:
     return total
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, fastmath=True)
 def _seen_and_slope(light: Light, levels: Float) -> Float:
     """(3, 256) light that each detector sees, and the same weighted by column and by row of the LEDs."""
     total = np.zeros((3, COUNT))
@@ -174,7 +179,7 @@ def _seen_and_slope(light: Light, levels: Float) -> Float:
     return total
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, fastmath=True)
 def _back(light: Light, values: Float) -> Float:
     """(256,) the transpose of `seen`."""
     total = np.zeros(COUNT)
@@ -217,6 +222,28 @@ def correction(light: Light, missing: Float, gain: Float, sigma: float) -> Float
         before, size = size, slope @ slope
         along = slope + size / before * along
     return change
+
+
+@numba.njit(cache=True)
+def next_levels(
+    light: Light, missing: Float, gain: Float, shown: Float, newest: Float, share: float, sigma: float
+) -> tuple[Float, float]:
+    """Levels (256,) that bring detectors to rest, and the light, rms, that levels can still add to the frame.
+
+    missing: (256,) light at the detectors, 0 where one is not used. gain: of the LEDs, 0 for those left out.
+    shown, newest: levels of the frame, and those sent last, whose light is on its way. share: of a correction
+    that is applied.
+    """
+    lacks = missing - np.where(missing != 0.0, seen(light, gain * (newest - shown)), 0.0)
+    change = correction(light, lacks, gain, sigma)
+    stuck = ((newest <= 0.0) & (change < 0.0)) | ((newest >= 1.0) & (change > 0.0))
+    if stuck.any():  # what LEDs at their limit cannot give, the others around them may
+        change = correction(light, lacks, np.where(stuck, 0.0, gain), sigma)
+    whole = np.minimum(np.maximum(newest + change, 0.0), 1.0)
+    adds = np.where(missing != 0.0, seen(light, gain * (whole - shown)), 0.0)
+    wanted = np.minimum(np.maximum(newest + share * change, 0.0), 1.0)
+    used = max(np.count_nonzero(missing), 1)
+    return np.where(gain > 0.0, wanted, 0.0), np.sqrt(adds @ adds / used)
 
 
 class Fit(NamedTuple):

@@ -7,6 +7,7 @@ import re
 import select
 import socket
 import termios
+import time
 import tty
 from collections import deque
 
@@ -87,7 +88,8 @@ class LinkedArrays:
                 if not select.select([self._handle], [], [], timeout_s)[0]:
                     return None
                 self._read()
-        except ConnectionRefusedError:
+        except ConnectionRefusedError:  # nobody listens there yet
+            time.sleep(timeout_s)
             return None
         except (OSError, ValueError) as error:
             raise ArraysLost(getattr(error, "strerror", None) or str(error)) from None

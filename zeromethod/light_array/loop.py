@@ -16,10 +16,11 @@ from zeromethod.contact import Contact
 from zeromethod.light_array.channels import Channels
 from zeromethod.light_array.depth import DepthReader
 from zeromethod.light_array.devices import FULL_SCALE, ArraysLost, Counts, LightArrays, Readings
-from zeromethod.light_array.estimate import Light, correction, fit, light_at, looked_at, model_of, seen
+from zeromethod.light_array.estimate import fit, light_at, looked_at, model_of, next_levels
+from zeromethod.light_array.optics import COUNT
 from zeromethod.light_array.rig import LightArrayRig
 from zeromethod.light_array.start import Start, measure_start
-from zeromethod.loop.state import LOCK_FRAMES, NULLED, State
+from zeromethod.loop.state import LOCK_FRAMES, State
 from zeromethod.loop.step import StepFigures
 from zeromethod.surface import Surface
 
@@ -44,6 +45,7 @@ _SETTLED = 0.02
 _FEWEST_USED = 0.5
 _UNFIT_FRAMES = 50
 _UNFIT_WORDS = "the depth modes do not explain the light: too fine a dent, light from outside, another bench"
+_STRANGE_WORDS = "readings show levels that were not sent: is there a second host?"
 _REST_SIGMAS = 5.0
 _TIMEOUT_S, _RETRY_S = 0.1, 0.2
 
@@ -146,6 +148,8 @@ class LightLoop:
         """Return the next readings while the start is measured. Raises _GivenUp where none come."""
         for _ in range(max(round(self.rig.arrays.reopen_s / _TIMEOUT_S), 1)):
             got = self._next()
+            if self.stopped:
+                raise _GivenUp
             if got is not None or self.state is State.FAULT:
                 break
         if got is None:
@@ -207,10 +211,7 @@ class LightLoop:
         shown = next((levels for number, levels in reversed(self._sent) if number == got.shown), None)
         if shown is None:
             self.counts["readings of levels never sent"] += 1
-            self.state, self.reason = (
-                State.HOLDING,
-                "readings show levels that were not sent: is there a second host?",
-            )
+            self.state, self.reason = State.HOLDING, _STRANGE_WORDS
             self._send(self._sent[-1][1])
             return self._step(got)
         channels = self._channels
@@ -232,12 +233,23 @@ class LightLoop:
         fits = found.scale < _FITS
         light = light_at(self.model, looked_at(self.model, found.state[:-2]))
         missing = np.where(channels.used, self.start.rest - reading, 0.0)
-        could = self._command(light, shown, missing)
+        used = int(np.count_nonzero(channels.used))
+        residual = math.sqrt(float(missing @ missing) / used) if used else math.nan
+        wanted, could = next_levels(
+            light,
+            missing,
+            channels.led,
+            shown / FULL_SCALE,
+            self._sent[-1][1] / FULL_SCALE,
+            self.rig.control.gain,
+            self.model.sigma,
+        )
+        self._send(np.rint(wanted * FULL_SCALE).astype(np.uint16))
         notes = channels.see(found, got.counts, light, lit, self.model.sigma, self.state is State.RESTING)
         for note in notes:
             self.counts[note.removesuffix(" and left out")] += 1
-        self._judge(could, fits)
-        modes = self._read(found.state) if self.state in NULLED or self.state is State.NULLING else None
+        self._judge(could / self.model.sigma, fits, used)
+        modes = self._read(found.state) if fits else None
         peak = None
         if modes is not None:
             peak = self.reader.peak(modes, self._covariance, found.scale, READ_EVERY)
@@ -250,11 +262,9 @@ class LightLoop:
             notes=tuple(notes),
             sensed=True,
             readable=modes is not None,
-            valid_share=float(np.mean(channels.used)),
+            valid_share=used / COUNT,
             loop_ms=1e3 * (time.perf_counter() - began),
-            light_residual=float(np.sqrt(np.mean(missing[channels.used] ** 2)))
-            if channels.used.any()
-            else math.nan,
+            light_residual=residual,
             shown=shown,
             counts=got.counts,
             modes=modes,
@@ -262,31 +272,13 @@ class LightLoop:
             surface=surface,
         )
 
-    def _command(self, light: Light, shown: Counts, missing: Float) -> float:
-        """Send the next levels; the light, rms, that other levels could add, in sigmas of a reading."""
-        gain, level = self._channels.led, shown / FULL_SCALE
-        change = correction(light, missing, gain, self.model.sigma)
-        stuck = ((shown == 0) & (change < 0)) | ((shown == FULL_SCALE) & (change > 0))
-        if stuck.any():  # what LEDs at their limit cannot give, the others around them may
-            change = correction(light, missing, np.where(stuck, 0.0, gain), self.model.sigma)
-        adds = seen(light, gain * (np.clip(level + change, 0, 1) - level))[missing != 0]
-        # levels sent since then are on their way: what they will add is no longer missing
-        newest = self._sent[-1][1] / FULL_SCALE
-        coming = np.where(missing != 0, missing - seen(light, gain * (newest - level)), 0.0)
-        stuck = ((newest == 0) & (change < 0)) | ((newest == 1) & (change > 0))
-        change = correction(light, coming, np.where(stuck, 0.0, gain), self.model.sigma)
-        wanted = np.clip(newest + self.rig.control.gain * change, 0, 1)
-        self._send(np.where(gain > 0, np.rint(wanted * FULL_SCALE), 0).astype(np.uint16))
-        return float(np.sqrt(np.mean(adds**2))) / self.model.sigma if adds.size else math.inf
-
-    def _judge(self, could: float, fits: bool) -> None:
-        """State of the loop after a frame."""
+    def _judge(self, could: float, fits: bool, used: int) -> None:
+        """State of the loop after a frame. could: light that levels can still add, in sigmas of a reading."""
         self._nulled = self._nulled + 1 if could < _LOCK_SIGMAS and fits else 0
         self._unfit = 0 if fits else self._unfit + 1
-        used, alive = np.mean(self._channels.used), np.mean(self._channels.alive)
-        if alive < _FEWEST_USED:
+        if np.count_nonzero(self._channels.alive) < _FEWEST_USED * COUNT:
             self.state, self.reason = State.LOST, "more than half of the detectors are left out"
-        elif self._unfit >= _UNFIT_FRAMES or used < _FEWEST_USED:
+        elif self._unfit >= _UNFIT_FRAMES or used < _FEWEST_USED * COUNT:
             self.state, self.reason = State.LOST, _UNFIT_WORDS
             if self._unfit % _UNFIT_FRAMES == 0:  # look for it again from the mirror at rest
                 self._estimate = np.zeros(len(self._estimate))
@@ -297,10 +289,10 @@ class LightLoop:
 
     def _read(self, state: Float) -> Float | None:
         """Mean of the last frames' modes, where this frame ends them."""
-        self._readings = [*self._readings[1 - READ_EVERY :], state]
-        if self._frames % READ_EVERY or len(self._readings) < READ_EVERY or not self._settled:
+        self._readings = [*self._readings[1 - READ_EVERY :], state] if self._settled else []
+        if self._frames % READ_EVERY or len(self._readings) < READ_EVERY:
             return None
-        return np.asarray(np.mean(self._readings, axis=0)[:-2])
+        return np.asarray(sum(self._readings[1:], self._readings[0])[:-2] / READ_EVERY)
 
     def _step(self, got: Readings | None = None, **more: Any) -> LightStep:
         """Step of the newest readings, or of none."""

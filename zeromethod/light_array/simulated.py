@@ -148,7 +148,7 @@ class SimulatedArrays:
         end = place + rest[..., None] * away
         u, v = end[..., 0] * cosine - end[..., 2] * sine, end[..., 1]
         leds = self.rig.leds
-        steps: Float = (np.arange(SIDE) - (SIDE - 1) / 2) * leds.pitch_mm
+        steps: Float = leds.pitch_mm * (np.arange(SIDE, dtype=np.float64) - (SIDE - 1) / 2)
         across = _spot(v, leds.centre_mm[1] + steps, leds.spot_mm, leds.pitch_mm) / len(_PAIRS) ** 2
         along = _spot(u, leds.centre_mm[0] + steps, leds.spot_mm, leds.pitch_mm)
         return np.asarray(np.matmul(across.transpose(0, 2, 1), along).reshape(SIDE * SIDE, SIDE * SIDE))

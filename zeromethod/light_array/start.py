@@ -61,16 +61,15 @@ def levels_at_rest(rig: LightArrayRig) -> Counts:
 
 def measure_start(rig: LightArrayRig, model: Model, exchange: Exchange) -> Start:
     """Measure what the arrays are like, the mirror at rest. Raises MeasurementError where it cannot."""
-    dark: Float = _mean(exchange, np.zeros(COUNT, np.uint16), _DARK_FRAMES)
-    total: Float = np.zeros((COUNT, COUNT))
-    times = np.zeros(COUNT)
+    dark = _mean(exchange, np.zeros(COUNT, np.uint16), _DARK_FRAMES)
+    total, times = np.zeros((COUNT, COUNT)), np.zeros(COUNT)
     for round_ in range(_MOST_ROUNDS):
         if round_ >= _ROUNDS and times.min() >= _FEWEST:
             break
-        for led, found in enumerate(exchange(list(FULL_SCALE * np.eye(COUNT, dtype=np.uint16)))):
+        for number, found in enumerate(exchange(list(FULL_SCALE * np.eye(COUNT, dtype=np.uint16)))):
             if found is not None:
-                total[:, led] += found.counts / FULL_SCALE
-                times[led] += 1
+                total[:, number] += found.counts / FULL_SCALE
+                times[number] += 1
     if times.min() == 0:
         raise MeasurementError("the arrays: no readings of some LEDs alone: see docs/leds.md, the link")
     light = light_at(model, looked_at(model, np.zeros(rig.reading.modes)))
