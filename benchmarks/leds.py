@@ -4,7 +4,7 @@ The packaged rig `leds`, simulated: 5 kHz, 1e-3 of full scale of noise in each r
 5 % from channel to channel, one frame of delay. Presses are Gaussian dents with their images in the frame.
 Errors are those of single readings at 1 kHz, of five frames each, while locked.
 
-bars: presses of sigma 6 to 10 mm that jump to 0.05 to 0.2 mm; two dents of sigma 5 mm 15 mm apart; a tenth of
+bars: presses of sigma 6 to 10 mm that jump to 0.1 and 0.2 mm; two dents of sigma 5 mm 15 mm apart; a tenth of
 LEDs and of detectors dead. faults: channels that die, saturate or drift, readings that are lost, light that
 changes, each planted at rest; named, recovered, and read true under a press behind it. honesty: random
 scenes, dents finer than the modes, at the border, several, the detectors turned by up to 2 mrad.

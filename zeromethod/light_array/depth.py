@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from zeromethod.arrays import Float
+from zeromethod.light_array.estimate import Model
 from zeromethod.light_array.modes import Modes
 from zeromethod.light_array.optics import ArrayOptics
 from zeromethod.light_array.rig import SIDE, LightArrayRig
@@ -13,6 +14,9 @@ from zeromethod.surface import Anchor, Peak, Surface
 _STEP_MM = 1.0
 """Pitch on which the peak is looked for; between points it is a parabola's."""
 
+_BY_NOISE = 1.85
+"""Mean square over 5 x 5 detectors, in sigmas, that noise alone hardly exceeds: 1 + 3 sqrt(2 / 25)."""
+
 _ALL = 1024
 """Modes that stand for every surface there may be."""
 
@@ -20,7 +24,7 @@ _ALL = 1024
 class DepthReader:
     """Reads modes of one rig. points_mm: (256, 2) where detectors look, rows along y, columns along x."""
 
-    def __init__(self, rig: LightArrayRig) -> None:
+    def __init__(self, rig: LightArrayRig, model: Model) -> None:
         modes = Modes.of(rig)
         # columns so that x rises
         order = np.arange(SIDE * SIDE).reshape(SIDE, SIDE)[:, ::-1].ravel()
@@ -36,6 +40,14 @@ class DepthReader:
         count = len(modes.size_mm)
         size = Modes.of(rig, _ALL).size_mm
         self._short = slice(count - count // 3, count)
+        # and what is left over in readings is light that waves left out have moved
+        pattern, blur = rig.pattern, float(np.mean(model.blur))
+        wave = 2 * np.pi / pattern.period_pitches
+        flank = pattern.mean * pattern.contrast * wave * np.exp(-((wave * blur) ** 2) / 2) / np.sqrt(2)
+        shift = np.sqrt(np.mean(model.by_mode[:, :, self._short] ** 2))
+        depth = np.sqrt(np.mean(modes.depth(self.points_mm)[:, self._short] ** 2))
+        self._seen_per_mm = float(np.sqrt(2) * flank * shift / depth / model.sigma)
+        self._steepest = float(np.sqrt(np.max(np.sum(modes.wave**2, axis=0))))
         self._left_out = float(size[count:].sum() / size[self._short].sum())
 
     def depth_map(self, modes: Float) -> tuple[Float, Float, Float]:
@@ -46,14 +58,20 @@ class DepthReader:
         """(k, n) depth of several readings (k, modes) at all points of `depth_map`."""
         return np.asarray(modes @ self._grid.T)
 
-    def sigma_mm(self, fields: Float, modes: Float, covariance: Float, scale: float, frames: int) -> Float:
-        """(n,) standard deviation of what fields (n, modes) read: by noise, and by waves left out."""
-        count = fields.shape[-1]
-        noise = np.sum((fields @ covariance[:count, :count]) * fields, axis=1) * max(scale, 1.0) ** 2 / frames
-        left_out = self._left_out * (fields[:, self._short] @ modes[self._short])
-        return np.asarray(np.sqrt(noise + left_out**2))
+    def _strange_mm(self, left: Float) -> Float:
+        """(256,) depth that may hide in what is left over around each point, beyond noise; left: in sigmas."""
+        square = np.pad((left**2).reshape(SIDE, SIDE)[:, ::-1], 2, mode="reflect")
+        sums = np.lib.stride_tricks.sliding_window_view(square, (5, 5)).mean(axis=(2, 3))
+        return np.asarray(np.sqrt(np.maximum(sums.ravel() - _BY_NOISE, 0.0)) / self._seen_per_mm)
 
-    def peak(self, modes: Float, covariance: Float, scale: float, frames: int) -> Peak:
+    def _sigma_mm(self, fields: Float, modes: Float, covariance: Float, strange: Float, frames: int) -> Float:
+        """(n,) standard deviation of what fields (n, modes) read: by noise, by waves left out, by what is strange."""
+        count = fields.shape[-1]
+        noise = np.sum((fields @ covariance[:count, :count]) * fields, axis=1) / frames
+        left_out = self._left_out * (fields[:, self._short] @ modes[self._short])
+        return np.asarray(np.sqrt(noise + left_out**2 + strange**2))
+
+    def peak(self, modes: Float, covariance: Float, left: Float, frames: int) -> Peak:
         """Point of largest |depth|."""
         x, y, depth = self.depth_map(modes)
         row, col = np.unravel_index(int(np.argmax(np.abs(depth))), depth.shape)
@@ -61,7 +79,9 @@ class DepthReader:
         dx, raised_x = _parabola(depth[row], int(col))
         dy, raised_y = _parabola(depth[:, col], int(row))
         at = int(row) * len(x) + int(col)
-        sigma = self.sigma_mm(self._grid[at : at + 1], modes, covariance, scale, frames)[0]
+        near = int(np.argmin(np.hypot(self.points_mm[:, 0] - x[col], self.points_mm[:, 1] - y[row])))
+        strange = self._strange_mm(left)[near : near + 1]
+        sigma = self._sigma_mm(self._grid[at : at + 1], modes, covariance, strange, frames)[0]
         return Peak(
             float(top + raised_x + raised_y),
             float(x[col] + dx * (x[1] - x[0])),
@@ -69,12 +89,14 @@ class DepthReader:
             float(sigma),
         )
 
-    def surface(self, modes: Float, covariance: Float, scale: float, frames: int, time_ns: int) -> Surface:
+    def surface(self, modes: Float, covariance: Float, left: Float, frames: int, time_ns: int) -> Surface:
         """Map at the detectors' points, (16, 16)."""
         shape = (SIDE, SIDE)
         depth, by_x, by_y = (field @ modes for field in self._fields)
+        strange = self._strange_mm(left)
         sigmas = [
-            self.sigma_mm(field, modes, covariance, scale, frames).reshape(shape) for field in self._fields
+            self._sigma_mm(field, modes, covariance, strange * per_mm, frames).reshape(shape)
+            for field, per_mm in zip(self._fields, (1.0, self._steepest, self._steepest), strict=True)
         ]
         everywhere = np.ones(shape, bool)
         return Surface(

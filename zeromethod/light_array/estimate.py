@@ -29,9 +29,10 @@ _PRIOR_LIGHT, _PRIOR_AMBIENT = 0.3, 0.1
 class Model(NamedTuple):
     """What does not change during a run.
 
-    fields: (6 * 256, modes) of `Modes.derivatives` where detectors look. along: (256,) how far along x a ray
-    goes on per depth. tails: (256, 4) of spots, by how many LEDs off. by_mode: (2, 256, modes) place looked at,
-    LED pitches, per mode, at rest. prior: (modes + 2,) 1 / variance of the state. sigma: noise of one reading.
+    fields: (6 * 256, modes) of `Modes.derivatives` where detectors look. along: (256,) how far along x a
+    ray goes on per depth. tails: (256, 4) of spots, by how many LEDs off. by_mode: (2, 256, modes) place
+    looked at, LED pitches, per mode, at rest. prior: (modes + 2,) 1 / variance of the state. sigma: noise of
+    one reading.
     """
 
     fields: Float
@@ -57,8 +58,12 @@ class Light(NamedTuple):
 
 
 _DAMPING = 0.03
-"""Square of the share of a pattern of levels that reaches the detectors below which it takes several frames:
-where the mirror gathers light, several detectors look at one LED, and few LEDs cannot show what all should see."""
+"""Square of the share of a pattern of levels that reaches detectors below which it takes several frames:
+where the mirror gathers light, several detectors look at one LED, and it cannot show what all should."""
+
+
+_COVERED = 0.75
+"""Share of a detector's footprint on LEDs that give light from which it can be brought to rest."""
 
 
 def model_of(rig: LightArrayRig) -> Model:
@@ -227,13 +232,17 @@ def correction(light: Light, missing: Float, gain: Float, sigma: float) -> Float
 @numba.njit(cache=True)
 def next_levels(
     light: Light, missing: Float, gain: Float, shown: Float, newest: Float, share: float, sigma: float
-) -> tuple[Float, float]:
-    """Levels (256,) that bring detectors to rest, and the light, rms, that levels can still add to the frame.
+) -> tuple[Float, float, float]:
+    """Levels (256,) that bring detectors to rest, what they can still add to a frame, and what it lacks, rms.
+
+    Detectors that look beyond the LEDs, or at dead ones, are not counted: nothing brings them to rest.
 
     missing: (256,) light at the detectors, 0 where one is not used. gain: of the LEDs, 0 for those left out.
     shown, newest: levels of the frame, and those sent last, whose light is on its way. share: of a correction
     that is applied.
     """
+    covered = seen(light, np.where(gain > 0.0, 1.0, 0.0)) > _COVERED
+    missing = np.where(covered, missing, 0.0)
     lacks = missing - np.where(missing != 0.0, seen(light, gain * (newest - shown)), 0.0)
     change = correction(light, lacks, gain, sigma)
     stuck = ((newest <= 0.0) & (change < 0.0)) | ((newest >= 1.0) & (change > 0.0))
@@ -242,8 +251,12 @@ def next_levels(
     whole = np.minimum(np.maximum(newest + change, 0.0), 1.0)
     adds = np.where(missing != 0.0, seen(light, gain * (whole - shown)), 0.0)
     wanted = np.minimum(np.maximum(newest + share * change, 0.0), 1.0)
-    used = max(np.count_nonzero(missing), 1)
-    return np.where(gain > 0.0, wanted, 0.0), np.sqrt(adds @ adds / used)
+    used = float(max(np.count_nonzero(missing), 1))
+    return (
+        np.where(gain > 0.0, wanted, 0.0),
+        np.sqrt((adds @ adds) / used),
+        np.sqrt((missing @ missing) / used),
+    )
 
 
 class Fit(NamedTuple):

@@ -13,7 +13,7 @@ import numpy as np
 
 from zeromethod.arrays import Float
 from zeromethod.contact import Contact
-from zeromethod.light_array.channels import Channels
+from zeromethod.light_array.channels import Channels, Seen
 from zeromethod.light_array.depth import DepthReader
 from zeromethod.light_array.devices import FULL_SCALE, ArraysLost, Counts, LightArrays, Readings
 from zeromethod.light_array.estimate import fit, light_at, looked_at, model_of, next_levels
@@ -38,6 +38,9 @@ _LOCK_SIGMAS = 2.0
 
 _FITS = 2.0
 """Robust residual, in sigmas, above which the modes do not explain what is seen."""
+
+_MOST_STRANGE = 6
+"""Detectors that are off in a frame, beyond which it is no fault of single ones: a narrow dent, or a contact."""
 
 _SETTLED = 0.02
 """Step of a place looked at, LED pitches, below which a frame's linear reading is exact enough."""
@@ -73,7 +76,7 @@ class LightLoop:
     def __init__(self, rig: LightArrayRig, arrays: LightArrays) -> None:
         self.rig, self.arrays = rig, arrays
         self.model = model_of(rig)
-        self.reader = DepthReader(rig)
+        self.reader = DepthReader(rig, self.model)
         self.counts: Counter[str] = Counter()
         self.start: Start | None = None
         self.state, self.reason = State.STARTING, ""
@@ -84,7 +87,8 @@ class LightLoop:
         self._estimate = np.zeros(len(self.model.prior))
         self._covariance = np.diag(1 / self.model.prior)
         self._nulled = self._unfit = 0
-        self._settled, self._resting, self._silent_s = False, False, 0.0
+        self._settled = self._resting = self._at_rest = False
+        self._silent_s = 0.0
         self._readings: list[Float] = []
         self._begin_ns = 0
 
@@ -234,8 +238,7 @@ class LightLoop:
         light = light_at(self.model, looked_at(self.model, found.state[:-2]))
         missing = np.where(channels.used, self.start.rest - reading, 0.0)
         used = int(np.count_nonzero(channels.used))
-        residual = math.sqrt(float(missing @ missing) / used) if used else math.nan
-        wanted, could = next_levels(
+        wanted, could, residual = next_levels(
             light,
             missing,
             channels.led,
@@ -245,18 +248,22 @@ class LightLoop:
             self.model.sigma,
         )
         self._send(np.rint(wanted * FULL_SCALE).astype(np.uint16))
-        notes = channels.see(found, got.counts, light, lit, self.model.sigma, self.state is State.RESTING)
+        at_rest = self._at_rest and fits
+        frame = Seen(found.left, found.scale, got.counts, reading, light, lit, self.model.sigma)
+        notes = channels.see(frame, at_rest)
         for note in notes:
             self.counts[note.removesuffix(" and left out")] += 1
+        fits = fits and channels.strange <= _MOST_STRANGE
         self._judge(could / self.model.sigma, fits, used)
         modes = self._read(found.state) if fits else None
+        left = np.where(channels.alive, found.left, 0.0)
         peak = None
         if modes is not None:
-            peak = self.reader.peak(modes, self._covariance, found.scale, READ_EVERY)
-            self._resting = abs(peak.depth_mm) < _REST_SIGMAS * peak.sigma_mm
+            peak = self.reader.peak(modes, self._covariance, left, READ_EVERY)
+            self._at_rest = self._resting = abs(peak.depth_mm) < _REST_SIGMAS * peak.sigma_mm
         surface = None
         if modes is not None and self._frames % (READ_EVERY * SURFACE_EVERY) == 0:
-            surface = self.reader.surface(modes, self._covariance, found.scale, READ_EVERY, got.time_ns)
+            surface = self.reader.surface(modes, self._covariance, left, READ_EVERY, got.time_ns)
         return self._step(
             got,
             notes=tuple(notes),
