@@ -35,9 +35,9 @@ to blame; of its light that is gone when it is called dead."""
 
 
 class Seen(NamedTuple):
-    """What a frame showed. left: (256,) residual, in sigmas; scale: its robust size; reading: (256,) light by counts.
+    """What a frame showed. left: (256,) residual, in sigmas; scale: its robust size.
 
-    lit: (256,) levels times gains. sigma: noise of one reading.
+    reading: (256,) light by counts. lit: (256,) levels times gains. sigma: noise of one reading.
     """
 
     left: Float
@@ -91,7 +91,7 @@ class Channels:
         return named
 
     def _name(self, frame: Seen, left: Float, doubted: Mask, *, slow: bool) -> list[str]:
-        """Leave out the one channel that explains most of what is left (256,), in sigmas; none where none does.
+        """Leave out the one channel that explains most of what is left (256,), in sigmas, if any does.
 
         doubted: (256,) the detectors that are off. A detector alone among its neighbours is to blame itself;
         several may be around a narrow dent. At once, only what has no light at all, or all, is a fault.
@@ -102,7 +102,8 @@ class Channels:
         power = np.sum(columns**2, axis=0)
         explained = np.divide(share**2, power, out=np.zeros(COUNT), where=power > 1)
         # a dead LED explains all that is left around it; of two dead detectors side by side one explains half
-        around = (columns > _FOOTPRINT * columns.max(axis=0)).T @ left**2
+        noise = (1.4826 * float(np.median(np.abs(left[self.alive])))) ** 2
+        around = (columns > _FOOTPRINT * columns.max(axis=0)).T @ np.maximum(left**2 - noise, 0.0)
         dark = share < _DARK * power
         explained[(explained < _WHOLE * around) | ~(dark | slow)] = 0.0
         saturated, dead = frame.counts > _SATURATED * FULL_SCALE, frame.reading < _DEAD

@@ -59,13 +59,13 @@ class DepthReader:
         return np.asarray(modes @ self._grid.T)
 
     def _strange_mm(self, left: Float) -> Float:
-        """(256,) depth that may hide in what is left over around each point, beyond noise; left: in sigmas."""
+        """(256,) depth that may hide in what is left over around each point; left: (256,) in sigmas."""
         square = np.pad((left**2).reshape(SIDE, SIDE)[:, ::-1], 2, mode="reflect")
         sums = np.lib.stride_tricks.sliding_window_view(square, (5, 5)).mean(axis=(2, 3))
         return np.asarray(np.sqrt(np.maximum(sums.ravel() - _BY_NOISE, 0.0)) / self._seen_per_mm)
 
     def _sigma_mm(self, fields: Float, modes: Float, covariance: Float, strange: Float, frames: int) -> Float:
-        """(n,) standard deviation of what fields (n, modes) read: by noise, by waves left out, by what is strange."""
+        """(n,) standard deviation of what fields (n, modes) read: noise, waves left out, what is strange."""
         count = fields.shape[-1]
         noise = np.sum((fields @ covariance[:count, :count]) * fields, axis=1) / frames
         left_out = self._left_out * (fields[:, self._short] @ modes[self._short])

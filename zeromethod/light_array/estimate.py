@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numba
@@ -251,12 +252,9 @@ def next_levels(
     whole = np.minimum(np.maximum(newest + change, 0.0), 1.0)
     adds = np.where(missing != 0.0, seen(light, gain * (whole - shown)), 0.0)
     wanted = np.minimum(np.maximum(newest + share * change, 0.0), 1.0)
-    used = float(max(np.count_nonzero(missing), 1))
-    return (
-        np.where(gain > 0.0, wanted, 0.0),
-        np.sqrt((adds @ adds) / used),
-        np.sqrt((missing @ missing) / used),
-    )
+    used = max(1.0, np.count_nonzero(missing) * 1.0)
+    could, residual = math.sqrt(adds @ adds / used), math.sqrt(missing @ missing / used)
+    return np.where(gain > 0.0, wanted, 0.0), could, residual
 
 
 class Fit(NamedTuple):

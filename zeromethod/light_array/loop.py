@@ -248,7 +248,7 @@ class LightLoop:
             self.model.sigma,
         )
         self._send(np.rint(wanted * FULL_SCALE).astype(np.uint16))
-        at_rest = self._at_rest and fits
+        at_rest = self._at_rest and fits and self._unfit < _UNFIT_FRAMES
         frame = Seen(found.left, found.scale, got.counts, reading, light, lit, self.model.sigma)
         notes = channels.see(frame, at_rest)
         for note in notes:
