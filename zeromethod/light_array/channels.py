@@ -29,9 +29,9 @@ _LEAST_DRIFT = 0.25
 _SATURATED, _DEAD = 0.98, 0.005
 """Reading, of full scale, above which, and light below which a detector shows nothing but itself."""
 
-_FOOTPRINT, _WHOLE, _DARK = 0.05, 0.85, -0.7
+_FOOTPRINT, _WHOLE, _SLOWLY, _DARK = 0.05, 0.85, 0.7, -0.7
 """Share of an LED's greatest light that counts as its place; of what is left there that it must explain to be
-to blame; of its light that is gone when it is called dead."""
+to blame, at once and by slow drift; of its light that is gone when it is called dead."""
 
 
 class Seen(NamedTuple):
@@ -105,7 +105,7 @@ class Channels:
         noise = (1.4826 * float(np.median(np.abs(left[self.alive])))) ** 2
         around = (columns > _FOOTPRINT * columns.max(axis=0)).T @ np.maximum(left**2 - noise, 0.0)
         dark = share < _DARK * power
-        explained[(explained < _WHOLE * around) | ~(dark | slow)] = 0.0
+        explained[(explained < (_SLOWLY if slow else _WHOLE) * around) | ~(dark | slow)] = 0.0
         saturated, dead = frame.counts > _SATURATED * FULL_SCALE, frame.reading < _DEAD
         alone = doubted & ((_neighbours(doubted & ~dead & ~saturated) == 0) & slow | dead | saturated)
         detector, led = int(np.argmax(np.abs(left) * alone)), int(np.argmax(explained))

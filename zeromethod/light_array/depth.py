@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.ndimage import uniform_filter
 
 from zeromethod.arrays import Float
 from zeromethod.light_array.estimate import Model
@@ -14,8 +15,11 @@ from zeromethod.surface import Anchor, Peak, Surface
 _STEP_MM = 1.0
 """Pitch on which the peak is looked for; between points it is a parabola's."""
 
-_BY_NOISE = 1.85
-"""Mean square over 5 x 5 detectors, in sigmas, that noise alone hardly exceeds: 1 + 3 sqrt(2 / 25)."""
+_BY_NOISE = 4.5
+"""Mean square over 3 x 3 detectors, in sigmas, that noise alone exceeds once in 100,000."""
+
+_OPTICS = 0.004
+"""Share of depth by which the optics may be off: a bent mirror widens what a detector sees, which is not counted."""
 
 _ALL = 1024
 """Modes that stand for every surface there may be."""
@@ -60,16 +64,16 @@ class DepthReader:
 
     def _strange_mm(self, left: Float) -> Float:
         """(256,) depth that may hide in what is left over around each point; left: (256,) in sigmas."""
-        square = np.pad((left**2).reshape(SIDE, SIDE)[:, ::-1], 2, mode="reflect")
-        sums = np.lib.stride_tricks.sliding_window_view(square, (5, 5)).mean(axis=(2, 3))
-        return np.asarray(np.sqrt(np.maximum(sums.ravel() - _BY_NOISE, 0.0)) / self._seen_per_mm)
+        square = (left**2).reshape(SIDE, SIDE)[:, ::-1]
+        excess = np.maximum(uniform_filter(square, 3).ravel() - _BY_NOISE, 0.0)
+        return np.asarray(np.sqrt(excess) / self._seen_per_mm)
 
     def _sigma_mm(self, fields: Float, modes: Float, covariance: Float, strange: Float, frames: int) -> Float:
         """(n,) standard deviation of what fields (n, modes) read: noise, waves left out, what is strange."""
         count = fields.shape[-1]
         noise = np.sum((fields @ covariance[:count, :count]) * fields, axis=1) / frames
         left_out = self._left_out * (fields[:, self._short] @ modes[self._short])
-        return np.asarray(np.sqrt(noise + left_out**2 + strange**2))
+        return np.asarray(np.sqrt(noise + left_out**2 + strange**2 + (_OPTICS * (fields @ modes)) ** 2))
 
     def peak(self, modes: Float, covariance: Float, left: Float, frames: int) -> Peak:
         """Point of largest |depth|."""
@@ -79,8 +83,8 @@ class DepthReader:
         dx, raised_x = _parabola(depth[row], int(col))
         dy, raised_y = _parabola(depth[:, col], int(row))
         at = int(row) * len(x) + int(col)
-        near = int(np.argmin(np.hypot(self.points_mm[:, 0] - x[col], self.points_mm[:, 1] - y[row])))
-        strange = self._strange_mm(left)[near : near + 1]
+        # wherever something is left over, a deeper peak may hide
+        strange = self._strange_mm(left).max(keepdims=True)
         sigma = self._sigma_mm(self._grid[at : at + 1], modes, covariance, strange, frames)[0]
         return Peak(
             float(top + raised_x + raised_y),
