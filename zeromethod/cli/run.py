@@ -34,6 +34,8 @@ from zeromethod.cli.page_options import opened_page, page_options
 from zeromethod.cli.recording_options import RecordingOptions, recording_options
 from zeromethod.cli.starting import Starting
 from zeromethod.cli.stopping import stopped_by_signals
+from zeromethod.devices.abilities import exposure_setter_of
+from zeromethod.devices.addresses import with_watch_camera
 from zeromethod.devices.opening import open_devices
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.light_array.rig import load_light_array
@@ -72,9 +74,18 @@ _STRIPS = {True: "edges", False: "none", None: None}
     metavar="S",
     help="Delay of display and camera, as `devices --delay` measures it.",
 )
+@click.option(
+    "--watch-camera",
+    "watch_address",
+    metavar="ADDRESS",
+    help="The rig's second camera, which sees what comes: as for --camera.",
+)
 @click.option("--publish", metavar="ADDRESS", help="Publish every reading: tcp://127.0.0.1:5556.")
 @recording_options
 @page_options
+@click.option(
+    "--auto-exposure", is_flag=True, help="Let the exposure follow the light, where the camera can."
+)
 @click.option("--force", is_flag=True, help="Run with a calibration that belongs to another bench.")
 @click.option("--simulate", is_flag=True, help="Simulate the rig's bench instead of opening its devices.")
 @scenario_options
@@ -107,9 +118,11 @@ def run_command(
     rig_name: str,
     strips: bool | None,
     latency_s: float | None,
+    watch_address: str | None,
     publish: str | None,
     view: str | None,
     control: str | None,
+    auto_exposure: bool,
     force: bool,
     simulate: bool,
     scenario: str | None,
@@ -149,9 +162,10 @@ def run_command(
         _check_passive(by, given_options(click.get_current_context()))
         if options.address is not None and options.monitor is None:
             rig = without_display(rig)
+    rig = with_watch_camera(rig, watch_address)
     if simulate:
-        if options.given:
-            raise InputError(f"--simulate and {options.given[0]}: give one of them, not both")
+        if given := (*options.given, *(["--watch-camera"] if watch_address else [])):
+            raise InputError(f"--simulate and {given[0]}: give one of them, not both")
         rig = simulated_clone(rig)
     rig = with_given(
         with_devices(rig, options, passive=passive),
@@ -179,6 +193,11 @@ def run_command(
         open_devices(rig) as opened,
         nullcontext() if publish is None else Publisher(publish, opened.clock) as publisher,
     ):
+        if auto_exposure and exposure_setter_of(opened.camera) is None:
+            name = type(opened.camera).__name__
+            raise InputError(
+                f"--auto-exposure: {name} cannot change its exposure during a run: give --exposure"
+            )
         if publisher is not None:
             click.echo(f"publishing at {publisher.address}", err=True)
         stored = calibration_of(rig_name)
@@ -209,6 +228,7 @@ def run_command(
                 opened,
                 (frames, seconds),
                 page,
+                auto_exposure=auto_exposure,
                 calibration="" if stored is None or simulate else stored.words,
                 folder=Path.cwd() if recording.recording is None else recording.recording.absolute().parent,
                 recorder=lambda path: replace(recording, recording=path).maker(stated, stored, fine),
