@@ -146,8 +146,7 @@ def run_command(
     --display and --camera it runs on real devices until q, Ctrl-C, or --seconds; then p pauses corrections
     and z takes the mirror as it is for the mirror at rest.
     """
-    if frames is not None and seconds is not None:
-        raise InputError("--frames and --seconds: give one of them, not both")
+    _check_length(frames, seconds)
     if (arrays := load_light_array(rig_name)) is not None:
         context = click.get_current_context()
         run_light_array(arrays, given_options(context), context.params)
@@ -235,6 +234,12 @@ def run_command(
             )
         recording.report(session.result.recording)
         _report(session.result, figure, summary)
+
+
+def _check_length(frames: int | None, seconds: float | None) -> None:
+    """Refuse two lengths of one run."""
+    if frames is not None and seconds is not None:
+        raise InputError("--frames and --seconds: give one of them, not both")
 
 
 def _check_passive(by: str, typed: list[str]) -> None:

@@ -85,7 +85,8 @@ class Channels:
         self._frames += 1
         if self._frames % _SLOW == 0:
             limit = max(OUTLIER * 1.4826 * float(np.median(np.abs(self._mean[self.alive]))), _LEAST_DRIFT)
-            drifting = np.abs(self._mean) > limit
+            # what is off at a stroke is a dent, or a fault that shows by its light alone
+            drifting = (np.abs(self._mean) > limit) & (self._running == 0)
             if drifting.any():
                 named += self._name(frame, self._mean, drifting, slow=True)
         return named
@@ -103,8 +104,11 @@ class Channels:
         explained = np.divide(share**2, power, out=np.zeros(COUNT), where=power > 1)
         # a dead LED explains all that is left around it; of two dead detectors side by side one explains half
         noise = (1.4826 * float(np.median(np.abs(left[self.alive])))) ** 2
-        around = (columns > _FOOTPRINT * columns.max(axis=0)).T @ np.maximum(left**2 - noise, 0.0)
+        place = (columns > _FOOTPRINT * columns.max(axis=0)).T
+        around = place @ np.maximum(left**2 - noise, 0.0)
         dark = share < _DARK * power
+        if slow:
+            explained[place @ (self._running > 0) > 0] = 0.0
         explained[(explained < (_SLOWLY if slow else _WHOLE) * around) | ~(dark | slow)] = 0.0
         saturated, dead = frame.counts > _SATURATED * FULL_SCALE, frame.reading < _DEAD
         alone = doubted & ((_neighbours(doubted & ~dead & ~saturated) == 0) & slow | dead | saturated)

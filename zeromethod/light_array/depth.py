@@ -19,7 +19,7 @@ _BY_NOISE = 4.5
 """Mean square over 3 x 3 detectors, in sigmas, that noise alone exceeds once in 100,000."""
 
 _OPTICS = 0.004
-"""Share of depth by which the optics may be off: a bent mirror widens what a detector sees, uncounted here."""
+"""Share of depth by which the optics may be off: a bent mirror widens what a detector sees, uncounted."""
 
 _ALL = 1024
 """Modes that stand for every surface there may be."""
