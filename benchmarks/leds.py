@@ -313,7 +313,7 @@ PART = click.option(
 
 
 @benchmark("leds", __doc__, PART)
-def measure(quick: bool, part: str) -> Report:
+def command(quick: bool, part: str) -> Report:
     figures: list[Figure] = []
     details: list[list[str]] = []
     data: dict[str, Any] = {}
@@ -330,4 +330,4 @@ def measure(quick: bool, part: str) -> Report:
 
 
 if __name__ == "__main__":
-    start(measure)
+    start(command)

@@ -94,7 +94,7 @@ REFUSALS = [
     ("check --rig nowhere.toml", "nowhere.toml"),
     ("check --display 1", UNSEEN),
     # arrays of LEDs and photodetectors
-    ("run --rig leds --fine", "--fine: not with rig 'leds': arrays have --camera, --simulate, --scenario, --seed"),
+    ("run --rig leds --fine", "--fine: not with rig 'leds': arrays have --camera, --simulate"),
     ("run --rig leds --passive", "--passive: not with rig 'leds': arrays have"),
     ("run --rig leds --display 1", "--display: not with rig 'leds': arrays have"),
     ("run --rig leds --view :0", "--view: not with rig 'leds': arrays have"),
@@ -102,7 +102,7 @@ REFUSALS = [
     ("run --rig leds --camera 0", "arrays.address: '0': allowed: \"simulated\", udp://HOST:PORT, or serial"),
     ("run --rig leds --camera serial:///dev/none", "'serial:///dev/none': cannot be opened: No such file"),
     ("run --rig leds --simulate --camera udp://h:1", "--simulate and --camera: give one of them, not both"),
-    ("run --rig leds --scenario nothing", "--scenario: nothing: a press file (.toml), or one of ball, bars"),
+    ("run --rig leds --scenario nothing", "--scenario: nothing: a press file (.toml), or one of"),
     ("run --rig leds --publish here", "--publish: 'here': not an address"),
     ("run --rig leds --record notes.h5", "is there already"),
     ("run --rig arrays.toml", 'leds.spot_mm: 5.0: 0.35 to 0.8 of leds.pitch_mm: narrower spots leave gaps'),

@@ -26,12 +26,15 @@ _LEAST_DRIFT = 0.25
 """Mean residual, in sigmas of a reading, below which nothing is drift."""
 
 
+_STROKE = 2.0
+"""Mean residual, in sigmas, that drift does not reach before it is named."""
+
 _SATURATED, _DEAD = 0.98, 0.005
 """Reading, of full scale, above which, and light below which a detector shows nothing but itself."""
 
-_FOOTPRINT, _WHOLE, _SLOWLY, _DARK = 0.05, 0.85, 0.7, -0.7
+_FOOTPRINT, _WHOLE, _DARK = 0.05, 0.85, -0.7
 """Share of an LED's greatest light that counts as its place; of what is left there that it must explain to be
-to blame, at once and by slow drift; of its light that is gone when it is called dead."""
+to blame at once; of its light that is gone when it is called dead."""
 
 
 class Seen(NamedTuple):
@@ -86,7 +89,7 @@ class Channels:
         if self._frames % _SLOW == 0:
             limit = max(OUTLIER * 1.4826 * float(np.median(np.abs(self._mean[self.alive]))), _LEAST_DRIFT)
             # what is off at a stroke is a dent, or a fault that shows by its light alone
-            drifting = (np.abs(self._mean) > limit) & (self._running == 0)
+            drifting = (np.abs(self._mean) > limit) & (np.abs(self._mean) < _STROKE)
             if drifting.any():
                 named += self._name(frame, self._mean, drifting, slow=True)
         return named
@@ -108,8 +111,9 @@ class Channels:
         around = place @ np.maximum(left**2 - noise, 0.0)
         dark = share < _DARK * power
         if slow:
-            explained[place @ (self._running > 0) > 0] = 0.0
-        explained[(explained < (_SLOWLY if slow else _WHOLE) * around) | ~(dark | slow)] = 0.0
+            explained[place @ (np.abs(left) >= _STROKE) > 0] = 0.0
+        else:
+            explained[(explained < _WHOLE * around) | ~dark] = 0.0
         saturated, dead = frame.counts > _SATURATED * FULL_SCALE, frame.reading < _DEAD
         alone = doubted & ((_neighbours(doubted & ~dead & ~saturated) == 0) & slow | dead | saturated)
         detector, led = int(np.argmax(np.abs(left) * alone)), int(np.argmax(explained))

@@ -147,20 +147,25 @@ def light_at(model: Model, place: Float) -> Light:
     return Light(near, spots[0], spots[1])
 
 
+@numba.njit(cache=True, inline="always")
+def _inside(near: int) -> tuple[int, int]:
+    """First of a window's spots that are on the array, and the one after the last."""
+    return max(0, _REACH - near), min(_WINDOW, SIDE + _REACH - near)
+
+
 @numba.njit(cache=True, fastmath=True)
 def seen(light: Light, levels: Float) -> Float:
     """(256,) light that each detector sees of levels (256,)."""
     total = np.zeros(COUNT)
     for k in range(COUNT):
-        for j in range(_WINDOW):
-            row = light.near[k, 1] - _REACH + j
-            if 0 <= row < SIDE:
-                part = 0.0
-                for i in range(_WINDOW):
-                    col = light.near[k, 0] - _REACH + i
-                    if 0 <= col < SIDE:
-                        part += light.along[k, i] * levels[row * SIDE + col]
-                total[k] += light.across[k, j] * part
+        first, last = _inside(light.near[k, 0])
+        start, end = _inside(light.near[k, 1])
+        for j in range(start, end):
+            at = (light.near[k, 1] - _REACH + j) * SIDE + light.near[k, 0] - _REACH
+            part = 0.0
+            for i in range(first, last):
+                part += light.along[k, i] * levels[at + i]
+            total[k] += light.across[k, j] * part
     return total
 
 
@@ -169,19 +174,19 @@ def _seen_and_slope(light: Light, levels: Float) -> Float:
     """(3, 256) light that each detector sees, and the same weighted by column and by row of the LEDs."""
     total = np.zeros((3, COUNT))
     for k in range(COUNT):
-        for j in range(_WINDOW):
+        first, last = _inside(light.near[k, 0])
+        start, end = _inside(light.near[k, 1])
+        left = light.near[k, 0] - _REACH
+        for j in range(start, end):
             row = light.near[k, 1] - _REACH + j
-            if 0 <= row < SIDE:
-                part = slope = 0.0
-                for i in range(_WINDOW):
-                    col = light.near[k, 0] - _REACH + i
-                    if 0 <= col < SIDE:
-                        one = light.along[k, i] * levels[row * SIDE + col]
-                        part += one
-                        slope += col * one
-                total[0, k] += light.across[k, j] * part
-                total[1, k] += light.across[k, j] * slope
-                total[2, k] += light.across[k, j] * row * part
+            part = slope = 0.0
+            for i in range(first, last):
+                one = light.along[k, i] * levels[row * SIDE + left + i]
+                part += one
+                slope += (left + i) * one
+            total[0, k] += light.across[k, j] * part
+            total[1, k] += light.across[k, j] * slope
+            total[2, k] += light.across[k, j] * row * part
     return total
 
 
@@ -191,14 +196,13 @@ def _back(light: Light, values: Float) -> Float:
     total = np.zeros(COUNT)
     for k in range(COUNT):
         if values[k] != 0.0:
-            for j in range(_WINDOW):
-                row = light.near[k, 1] - _REACH + j
-                if 0 <= row < SIDE:
-                    part = light.across[k, j] * values[k]
-                    for i in range(_WINDOW):
-                        col = light.near[k, 0] - _REACH + i
-                        if 0 <= col < SIDE:
-                            total[row * SIDE + col] += light.along[k, i] * part
+            first, last = _inside(light.near[k, 0])
+            start, end = _inside(light.near[k, 1])
+            for j in range(start, end):
+                at = (light.near[k, 1] - _REACH + j) * SIDE + light.near[k, 0] - _REACH
+                part = light.across[k, j] * values[k]
+                for i in range(first, last):
+                    total[at + i] += light.along[k, i] * part
     return total
 
 

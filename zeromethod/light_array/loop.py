@@ -40,7 +40,7 @@ _FITS = 2.0
 """Robust residual, in sigmas, above which the modes do not explain what is seen."""
 
 _MOST_STRANGE = 6
-"""Detectors that are off in a frame, beyond which it is no fault of single ones: a narrow dent, or a contact."""
+"""Detectors that are off in a frame, beyond which it is none of single ones: a narrow dent, a contact."""
 
 _SETTLED = 0.02
 """Step of a place looked at, LED pitches, below which a frame's linear reading is exact enough."""
