@@ -82,7 +82,7 @@ def _usable(surface: Surface) -> Mask:
 
 @numba.njit(cache=True, nogil=True)
 def _level(x: float, y: float, middles: Float, within2: Float) -> int:
-    """Size of a place's block, as its power of 2. within2: squares of the distances up to which it is each."""
+    """Size of a place's block, as its power of 2. within2: squares of distances up to which it is each."""
     level: int = within2.shape[1]
     for k in range(len(middles)):
         away2 = (x - middles[k, 0]) ** 2 + (y - middles[k, 1]) ** 2
