@@ -66,6 +66,7 @@ REFUSALS = [
     ("virtual-bench --scenario nothing", "--scenario: nothing: a press file (.toml), or one of approach"),
     ("run --rig jelly.toml", 'rubber.support: "jelly": one of "bonded", "sliding", "free", or a table of'),
     ("run --gain 2", "--gain: 2: a number above 0, at most 1"),
+    ("run --view --publish foo", "--publish: 'foo': not an address: tcp://HOST:PORT with a free port"),
     ("run --frames 0", "--frames: 0: a whole number from 1"),
     ("run --frames 3 --seconds 1", "--frames and --seconds: give one of them, not both"),
     ("run --rig ring.toml", "light.ring_mm: [30.0, 20.0]: inner, outer with inner below outer"),

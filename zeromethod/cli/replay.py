@@ -26,7 +26,7 @@ from zeromethod.recording.recording import Recording
 from zeromethod.rig.model import Rig
 from zeromethod.session.replay.closed_loop import ClosedLoopReplay, recorded_track, simulated_bench
 from zeromethod.session.replay.comparison import figures_of, rejection
-from zeromethod.session.replay.mirror import RecordedMirror
+from zeromethod.session.replay.mirror import RecordedMirror, contacts_left_out
 from zeromethod.session.replay.replay import Mode, evaluated_again
 from zeromethod.session.replay.settings import with_settings
 from zeromethod.session.replay.track import Track
@@ -199,7 +199,11 @@ def _close_loop(asked: _Asked, recording: Recording, window: Window, rig: Rig) -
         from zeromethod.view.replay_figure import draw_sessions  # noqa: PLC0415 - matplotlib loads slowly
 
         draw_sessions(curves, f"zeromethod  {recording.path.name}, loop closed again", asked.figure)
-    about = {"gl_renderer": session.gl_renderer, "changed": "changed" in rigs}
+    left_out = contacts_left_out(recording, window)
+    if left_out:
+        some = "a contact" if left_out == 1 else f"{left_out} contacts"
+        click.echo(f"! {some} of the recording left out: nothing touches the simulated bench", err=True)
+    about = {"gl_renderer": session.gl_renderer, "changed": "changed" in rigs, "contacts_left_out": left_out}
     return {**about, "sessions": sessions, "curves": curves}
 
 

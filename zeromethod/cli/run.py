@@ -41,7 +41,7 @@ from zeromethod.loop.state import State
 from zeromethod.operating.readings import HISTORY
 from zeromethod.operating.run_table import RUN
 from zeromethod.optics import check_geometry
-from zeromethod.publishing.publisher import Publisher
+from zeromethod.publishing.publisher import Publisher, check_address
 from zeromethod.session.fine import with_moving_target
 from zeromethod.session.result import RunResult
 from zeromethod.session.session import Session
@@ -53,6 +53,13 @@ from zeromethod.view.table import summary_table
 
 _STRIPS = {True: "edges", False: "none", None: None}
 """Value of `[control] strips` for the option."""
+
+
+def _address(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:  # noqa: ARG001
+    """Refuse an address before anything is opened."""
+    if value is not None:
+        check_address(value)
+    return value
 
 
 @click.command(
@@ -78,7 +85,9 @@ _STRIPS = {True: "edges", False: "none", None: None}
     metavar="ADDRESS",
     help="The rig's second camera, which sees what comes: as for --camera.",
 )
-@click.option("--publish", metavar="ADDRESS", help="Publish every reading: tcp://127.0.0.1:5556.")
+@click.option(
+    "--publish", metavar="ADDRESS", callback=_address, help="Publish every reading: tcp://127.0.0.1:5556."
+)
 @recording_options
 @page_options
 @click.option(
@@ -227,7 +236,7 @@ def run_command(
                 folder=Path.cwd() if recording.recording is None else recording.recording.absolute().parent,
                 recorder=lambda path: replace(recording, recording=path).maker(stated, stored, fine),
             )
-        recording.report(session.result.recording)
+        recording.report(session.result.recording_trouble)
         _report(session.result, figure, summary)
 
 
@@ -251,7 +260,7 @@ def _report(result: RunResult, figure: Path | None, summary: Path | None) -> Non
             with writing("--figure", figure):
                 plot_run(result, figure)
     if result.recording_lost:
-        raise OSError(f"--record: {result.recording}")
+        raise OSError(f"--record: {result.recording_trouble}")
     if result.interrupted:
         raise KeyboardInterrupt
     if result.state is State.MOVED:

@@ -8,7 +8,8 @@ multiplied by F again: waves that no pupil shows are noise. The lens blurs what 
 the displacement, not what it nulls, so that this is sharpened in the displacement itself.
 
 The LCD's pixels are seen as waves of nearly two camera pixels, the same in all frames: 25 thousandths of a
-pixel, as much as the noise of a second. They are smoothed away by 1 - sin^6(k / 2) along u and v.
+pixel, as much as the noise of a second. They are smoothed away by 1 - (sin(k / 2) / sin(q / 2))^6 along u and
+v, q their own wave number.
 """
 
 from __future__ import annotations
@@ -22,14 +23,17 @@ from scipy.special import j1
 
 from zeromethod.arrays import Float, Mask, Single
 from zeromethod.fine.lattice import PixelLattice
+from zeromethod.optics import Optics
 from zeromethod.optics.pupil import footprint_terms, quadratic_terms
 from zeromethod.rig.model import Rig
 
 NOISE_LIMIT = 0.15
 """C above: noise is multiplied by 1 / (2 c) = 3.3 at most."""
 _PIXEL_PX2 = 1 / 12
-_SMOOTHING = np.array([1.0, -6.0, 15.0, 44.0, 15.0, -6.0, 1.0]) / 64.0
-"""Half of a wave of 4 px is then seen as of one of 4.3; longer ones stay."""
+_SINE_6 = np.array([-1.0, 6.0, -15.0, 20.0, -15.0, 6.0, -1.0]) / 64.0
+"""Weights of pixels by which cosines are multiplied by sin^6(k / 2)."""
+_SHORT_WAVES = 0.35
+"""Cycles per camera px from which waves of the LCD's pixels are smoothed away: the mirror has longer ones."""
 _SIZES = 4
 """Footprints by which the whole view is divided, from the smallest to the largest in equal steps of area."""
 
@@ -45,18 +49,31 @@ def regularised_inverse(share: Float) -> Float:
     return np.asarray(share / (share**2 + (NOISE_LIMIT * (1.0 - share)) ** 2))
 
 
+def _smoothing(rig: Rig, optics: Optics) -> list[Float]:
+    """Weights (7,) of pixels along u and v that leave nothing of the LCD's pixels."""
+    u, v = ((n - 1) / 2 for n in (rig.camera.columns, rig.camera.rows))
+    at, along_u, along_v = optics.trace(np.array([u, u + 1, u]), np.array([v, v, v + 1]), optics.rest).q
+    out = []
+    for per_px in (along_u[0] - at[0], along_v[1] - at[1]):
+        seen = abs(per_px - np.rint(per_px))
+        shortest = np.sin(np.pi * (seen if seen > _SHORT_WAVES else 0.5))
+        out.append(np.eye(7)[3] - _SINE_6 / shortest**6)
+    return out
+
+
 class Footprint:
     """A rig's footprint and blur on one lattice of pixels: divided out, or what both leave without noise.
 
     divide: whether they are divided out, as far as the rig states them.
     """
 
-    def __init__(self, rig: Rig, lattice: PixelLattice, divide: bool = True) -> None:
+    def __init__(self, rig: Rig, optics: Optics, lattice: PixelLattice, divide: bool = True) -> None:
         rows, cols = lattice.grid.image_shape
         v, u = np.ogrid[lattice.box[0], lattice.box[1]]
         s, t = np.broadcast_arrays(2.0 * u / (cols - 1) - 1.0, 2.0 * v / (rows - 1) - 1.0)
         sharpening = 0.5 * (rig.camera.psf_px**2 + _PIXEL_PX2) if divide else 0.0
-        self._kernel = np.convolve(_SMOOTHING, [-sharpening, 1.0 + 2.0 * sharpening, -sharpening])
+        sharper = [-sharpening, 1.0 + 2.0 * sharpening, -sharpening]
+        self._kernels = [np.convolve(one, sharper) for one in _smoothing(rig, optics)]
         self._known = rig.camera.pupil_mm > 0.0
         self.divides = self._known and divide
         self._shape = lattice.shape
@@ -86,8 +103,9 @@ class Footprint:
     def gains(self) -> Iterator[tuple[Single | float, Float]]:
         """(rows, cols) by which the cosines' noise is multiplied, and the share of each in every pixel."""
         k_down, k_across = (np.pi * np.arange(n) / n for n in self._shape)
-        reach = np.arange(len(self._kernel)) - len(self._kernel) // 2
-        gain: Float = np.outer(*(np.cos(np.outer(k, reach)) @ self._kernel for k in (k_down, k_across)))
+        reach = np.arange(len(self._kernels[0])) - len(self._kernels[0]) // 2
+        both = zip((k_down, k_across), self._kernels[::-1], strict=True)
+        gain: Float = np.outer(*(np.cos(np.outer(k, reach)) @ kernel for k, kernel in both))
         if not self._known:
             yield 1.0, gain
             return
@@ -105,10 +123,9 @@ class Footprint:
         It stays next to pixels that are not usable, where it is 0 from then on.
         """
         d[~usable] = 0.0
-        kernel, around = self._kernel, np.ones((len(self._kernel), len(self._kernel)), np.uint8)
-        out: Single = np.asarray(
-            cv2.sepFilter2D(d, -1, kernel, kernel, borderType=cv2.BORDER_REFLECT_101), np.float32
-        )
+        kernels, around = self._kernels, np.ones((len(self._kernels[0]),) * 2, np.uint8)
+        smooth = cv2.sepFilter2D(d, -1, kernels[0], kernels[1], borderType=cv2.BORDER_REFLECT_101)
+        out: Single = np.asarray(smooth, np.float32)
         if not usable.all():
             beside = cv2.erode(usable.view(np.uint8), around) == 0
             out[beside] = d[beside]

@@ -58,7 +58,7 @@ class FineReader:
         self._lattice = PixelLattice(grid)
         self._reader = SurfaceReader(rig, optics, grid)
         self._integrator = PixelIntegrator(self._lattice.shape)
-        self._footprint = Footprint(rig, self._lattice, divide)
+        self._footprint = Footprint(rig, optics, self._lattice, divide)
         self._detail_noise = DetailNoise(grid.period_px, self._footprint.gains)
         self._last = np.zeros(self._lattice.shape, np.float32)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import tomllib
 from pathlib import Path
 
-from zeromethod.errors import InputError
+from zeromethod.errors import InputError, check_type
 from zeromethod.resources import resource
 from zeromethod.rig.model import Rig
 from zeromethod.rig.refusal import shown
@@ -18,6 +18,7 @@ def packaged_rigs() -> list[str]:
 
 def _path(name: str | Path) -> Path:
     """Find the packaged file of a bare name (no folder, no suffix), else take the path as it is."""
+    check_type("rig", name, str | Path, f"a file, or one of the packaged {', '.join(packaged_rigs())}")
     path = Path(name)
     if path.is_dir():
         raise InputError(f"rig: {shown(str(name))}: a folder: {_rig_in(path)}")

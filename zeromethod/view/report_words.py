@@ -23,6 +23,7 @@ from zeromethod.surface import Where
 from zeromethod.view import calibration_table
 from zeromethod.view.report_history import Happening, seconds
 from zeromethod.view.report_summary import Figures
+from zeromethod.view.table import LOOP_MS
 
 _GROWING_S = 3.0
 """A file that changed more recently than this is still being written."""
@@ -69,6 +70,11 @@ def summary_rows(figures: Figures, rig: Rig) -> Iterator[tuple[str, str]]:
     for label, key in (("peak of largest |depth|", "largest"), ("last peak", "last")):
         if (peak := figures[key]) is not None:
             yield label, peak_words(peak)
+    if figures["fine"] is not None:
+        one = figures["fine"]["largest"]
+        place = f"x = {one['x_mm']:z.2f}, y = {one['y_mm']:z.2f} mm"
+        depth = f"{1e3 * one['depth_mm']:z.4f} ± {1e3 * one['depth_sigma_mm']:.4f} µm"
+        yield "peak on every pixel", f"{depth} at {place}, of {figures['fine']['surfaces']} readings"
     for one in figures["contacts"]:
         area = f"{one['area_mm2']:.3f} ± {one['sigma_area_mm2']:.3f} mm²"
         place = f"at ({one['x_mm']:.3f}, {one['y_mm']:.3f}) mm"
@@ -92,7 +98,7 @@ def summary_rows(figures: Figures, rig: Rig) -> Iterator[tuple[str, str]]:
     if without:
         yield "frames taken but not read", ", ".join(without)
     for label, key in (
-        ("loop, frame in to warp out", "loop_ms"),
+        (LOOP_MS[rig.control.passive], "loop_ms"),
         ("drawing the pattern", "draw_ms"),
         ("mid-exposure to new picture", "delay_ms"),
         ("reading the surface", "read_ms"),
