@@ -51,8 +51,8 @@ class LightHold:
     def flag(self, flags: Flags, sigma_px: Float) -> Float:
         """Add BESIDE_DARK to the flags (rows, cols) of nodes that flicker.
 
-        Result: sigma_px (rows, cols, 2) with the error by an edge of the light added, until the next call; the
-        same where none is.
+        Result: sigma_px (rows, cols, 2) with the error by an edge of the light added, to be used before the
+        next call; the same where none is.
         """
         self._dark = _near_dark(flags, self._near)
         if not self._dark:
