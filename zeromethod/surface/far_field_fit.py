@@ -7,8 +7,6 @@ import numpy as np
 
 from zeromethod.arrays import Float
 from zeromethod.surface.far_field_laws import (
-    LAW,
-    NUMBERS,
     ONE_LAW,
     OWN_LAWS,
     SET_LAWS,
@@ -16,10 +14,10 @@ from zeromethod.surface.far_field_laws import (
     Known,
     Nodes,
     added_by_body,
-    dents_end,
     equations,
     nearest2,
 )
+from zeromethod.surface.far_field_shapes import LAW, NUMBERS, dents_end, ends_of_law
 
 _PIECES, _NOISES = 14.0, 250.0
 """Independent errors of a law over the view, and those of noise."""
@@ -106,7 +104,8 @@ def _expect(
     normal, right = found.normal, found.right
     for k in range(0, dents_end(numbers), NUMBERS):
         law = k + LAW
-        inside = 0.0 < numbers[law] + np.sign(right[law]) * 1e-9 < most_law
+        low, high = ends_of_law(numbers[law], most_law)
+        inside = low < numbers[law] + np.sign(right[law]) * 1e-9 < high
         if _free(k, laws) and (inside or ends > 0.0):
             normal[law, law] += strength / _LAW**2 + (0.0 if inside else ends * right[law] ** 2)
         else:
@@ -142,11 +141,12 @@ def _allowed(numbers: Float, limits: Float) -> bool:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _bound(numbers: Float, laws: int, most_law: float) -> None:
+def _bound(numbers: Float, before: Float, laws: int, most_law: float) -> None:
     """Keep fitted laws between their ends, and one of all the same."""
     for k in range(0, dents_end(numbers), NUMBERS):
         if _free(k, laws):
-            numbers[k + LAW] = min(max(numbers[k + LAW], 0.0), most_law)
+            low, high = ends_of_law(before[k + LAW], most_law)
+            numbers[k + LAW] = min(max(numbers[k + LAW], low), high)
         elif laws == ONE_LAW:
             numbers[k + LAW] = numbers[LAW]
 
@@ -188,7 +188,7 @@ def fit(
             if _unlikely(found, known) > best + _HOPELESS:
                 break
         new = numbers + step
-        _bound(new, laws, known.body.most_law)
+        _bound(new, numbers, laws, known.body.most_law)
         if solved and _allowed(new, limits):
             tried = equations(new, laws, nodes, quiet, known, better, found.variance)
             own_new = _expect(new, strength, laws, known.body.most_law, tried)
