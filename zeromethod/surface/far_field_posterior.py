@@ -13,6 +13,7 @@ from zeromethod.surface.far_field_fit import (
     EXCESS,
     MOST_WRONG2,
     NOISE,
+    SHORT,
     UNLIKELY,
     VARIANCE,
     WRONG,
@@ -52,6 +53,9 @@ _RANGES, _MOST_RANGES = 1.0, 3.0
 """Of the anchor's depth over the range read: its standard deviation before anything is read, and where a law
 that says more is doubted by as much as it says more. Such a dent moves what is seen hardly more than the
 multiple of the scale that cannot be seen."""
+
+_LOST = 15.0
+"""Logarithm of likelihood by which a ball without what the body adds is off where no share of it helps."""
 
 _LAWS = 5
 _BALL = 2 * _LAWS
@@ -94,8 +98,7 @@ def posterior(
         one[:] = best_one(all_slopes(nodes, quiet, known, limits, diagonal_mm))[1]
     found = alone
     if possible(members[0], one[LAW], BALL):
-        least = members[best, UNLIKELY]
-        ball = _fit_ball(alone, nodes, quiet, known, limits, least, members[_BALL:_TWO])
+        ball = _fit_ball(alone, nodes, quiet, known, limits, members[best], members[_BALL:_TWO])
         best = int(np.argmin(members[:, UNLIKELY]))
         found = ball if best >= _BALL else alone
     if members[best, EXCESS] > EXPLAINED:
@@ -138,16 +141,22 @@ def _begun(
 
 @numba.njit(cache=True, error_model="numpy")
 def _fit_ball(
-    ball: Float, nodes: Nodes, quiet: Nodes, known: Known, limits: Float, least: float, members: Float
+    alone: Float, nodes: Nodes, quiet: Nodes, known: Known, limits: Float, best: Float, members: Float
 ) -> Float:
-    """Fit a ball's dent, with no share of what the body adds, all of it, and any; the likeliest's numbers."""
-    ends = ends_of_law(BALL, known.body.most_law)
-    laws = (ends[0], ends[1], 0.5 * (ends[0] + ends[1])) if ends[1] > ends[0] else (BALL, BALL, BALL)
-    likeliest = ball
-    for k in range(3 if ends[1] > ends[0] else 1):
-        one = with_law(likeliest, laws[k])
-        fit(one, ONE_LAW if k == 2 else SET_LAWS, PASSES, nodes, quiet, known, limits, least, members[k])
-        if k == 0 or members[k, UNLIKELY] < members[:k, UNLIKELY].min():
+    """Fit a ball's dent, with no share of what the body adds, all of it, and any; the likeliest's numbers.
+
+    alone: numbers of the best member, `best`.
+    """
+    low, high = ends_of_law(BALL, known.body.most_law)
+    likeliest, least = with_law(alone, low), best[UNLIKELY]
+    fit(likeliest, SET_LAWS, PASSES, nodes, quiet, known, limits, least, members[0])
+    if high == low or pieces(best[NOISE]) * (members[0, UNLIKELY] - least) > _LOST:
+        return likeliest
+    # begun where another share ended, they gain next to nothing in more passes
+    for k, law in ((1, high), (2, 0.5 * (low + high))):
+        one = with_law(likeliest, law)
+        fit(one, ONE_LAW if k == 2 else SET_LAWS, SHORT, nodes, quiet, known, limits, least, members[k])
+        if members[k, UNLIKELY] < members[:k, UNLIKELY].min():
             likeliest = one
     return likeliest
 
