@@ -29,6 +29,7 @@ from zeromethod.surface.far_field_several import (
     PASSES,
     SURE,
     all_slopes,
+    begun_as_ball,
     fit_own,
     fit_two,
     possible,
@@ -148,7 +149,7 @@ def _fit_ball(
     alone: numbers of the best member, `best`.
     """
     low, high = ends_of_law(BALL, known.body.most_law)
-    likeliest, least = with_law(alone, low), best[UNLIKELY]
+    likeliest, least = begun_as_ball(alone, low, nodes), best[UNLIKELY]
     fit(likeliest, SET_LAWS, PASSES, nodes, quiet, known, limits, least, members[0])
     if high == low or pieces(best[NOISE]) * (members[0, UNLIKELY] - least) > _LOST:
         return likeliest
