@@ -29,7 +29,6 @@ from zeromethod.surface.far_field_several import (
     PASSES,
     SURE,
     all_slopes,
-    begun_as_ball,
     fit_own,
     fit_two,
     possible,
@@ -149,7 +148,7 @@ def _fit_ball(
     alone: numbers of the best member, `best`.
     """
     low, high = ends_of_law(BALL, known.body.most_law)
-    likeliest, least = begun_as_ball(alone, low, nodes), best[UNLIKELY]
+    likeliest, least = _begun_as_ball(alone, low, nodes), best[UNLIKELY]
     fit(likeliest, SET_LAWS, PASSES, nodes, quiet, known, limits, least, members[0])
     if high == low or pieces(best[NOISE]) * (members[0, UNLIKELY] - least) > _LOST:
         return likeliest
@@ -160,6 +159,21 @@ def _fit_ball(
         if members[k, UNLIKELY] < members[:k, UNLIKELY].min():
             likeliest = one
     return likeliest
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _begun_as_ball(dent: Float, law: float, nodes: Nodes) -> Float:
+    """Numbers (7,) of a ball's dent to fit where one of another law was: at least as wide as its unseen middle.
+
+    Else nodes that see none of its middle leave it too steep to lead to a ball.
+    """
+    ball = with_law(dent, law)
+    across, down = nodes.x - ball[1], nodes.y - ball[2]
+    wider = np.sqrt(max(np.min((ball[3] * across + ball[4] * down) ** 2 + (ball[5] * down) ** 2), 1.0))
+    # as deep in the view: it falls about as 1 / r there
+    ball[0] /= wider
+    ball[3:LAW] /= wider
+    return ball
 
 
 @numba.njit(cache=True, error_model="numpy")

@@ -63,21 +63,6 @@ def possible(member: Float, found: float, law: float) -> bool:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def begun_as_ball(dent: Float, law: float, nodes: Nodes) -> Float:
-    """Numbers (7,) of a ball's dent to fit where one of another law was: at least as wide as its unseen middle.
-
-    Else nodes that see none of its middle leave it too steep to lead to a ball.
-    """
-    ball = with_law(dent, law)
-    across, down = nodes.x - ball[1], nodes.y - ball[2]
-    wider = np.sqrt(max(np.min((ball[3] * across + ball[4] * down) ** 2 + (ball[5] * down) ** 2), 1.0))
-    # as deep in the view: it falls about as 1 / r there
-    ball[0] /= wider
-    ball[3:LAW] /= wider
-    return ball
-
-
-@numba.njit(cache=True, error_model="numpy")
 def fit_two(
     alone: Float,
     nodes: Nodes,
@@ -135,8 +120,8 @@ def _other_laws(
     for law in (FREE_LAW, most, BALL + 0.5 * (most - POINT)):
         if law == POINT or _of_a_kind(dents[begin + LAW], law):
             continue
-        other, one = dents.copy(), dents[begin : begin + NUMBERS]
-        other[begin : begin + NUMBERS] = begun_as_ball(one, law, nodes) if law >= BALL else with_law(one, law)
+        other = dents.copy()
+        other[begin : begin + NUMBERS] = with_law(other[begin : begin + NUMBERS], law)
         for passes in (_A_FEW, SHORT):
             fit(other, OWN_LAWS, passes, nodes, quiet, known, limits, np.inf, members[tried])
             if members[tried, UNLIKELY] > least + _NO_USE:
