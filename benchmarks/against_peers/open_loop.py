@@ -199,6 +199,10 @@ class _MisreadingSensor:
     def set_reference(self, residual: Residual | None) -> None:
         self._sensor.set_reference(residual)
 
+    def scale_reference(self, ratio: float) -> None:
+        """Expect this many times the light."""
+        self._sensor.scale_reference(ratio)
+
 
 @dataclass(frozen=True)
 class _Reading:

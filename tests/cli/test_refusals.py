@@ -67,6 +67,9 @@ REFUSALS = [
     ("run --gain 2", "--gain: 2: a number above 0, at most 1"),
     ("run --frames 0", "--frames: 0: a whole number from 1"),
     ("run --frames 3 --seconds 1", "--frames and --seconds: give one of them, not both"),
+    ("run --rig ring.toml", "light.ring_mm: [30.0, 20.0]: inner, outer with inner below outer"),
+    ("run --rig room.toml", "light.room: -0.1: "),
+    ("run --rig mains.toml", "light.mains_hz: 0: "),
     ("run --rig lit.toml", 'light.source: "lamp": only with control.controller "passive": a lamp lights a'),
     ("run --passive --gain 0.5", "--passive and --gain: give one of them: a passive run has no loop"),
     ("run --rig printed --fine", "rig 'printed', which is passive, and --fine: give one of them: a passive"),
@@ -327,6 +330,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     text = small.read_text()
     (folder / "jelly.toml").write_text(text.replace('support = "free"', 'support = "jelly"'))
     (folder / "lit.toml").write_text(text + '\n[light]\nsource = "lamp"\n')
+    for name, line in (
+        ("ring", "ring_mm = [30.0, 20.0]"),
+        ("room", "room = -0.1"),
+        ("mains", "mains_hz = 0"),
+    ):
+        (folder / f"{name}.toml").write_text(f"{text}\n[light]\n{line}\n")
     grey = np.random.default_rng(0).integers(0, 256, (120, 140), dtype=np.uint8)
     for name, image in (("rest", grey), ("small", grey[:60, :60])):
         cv2.imwrite(str(folder / f"{name}.png"), image)

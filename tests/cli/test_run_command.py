@@ -11,6 +11,7 @@ from hanging import eventually
 from small_rigs import BENCH_320, small_rig_file
 
 from zeromethod import Recording
+from zeromethod.simulation.camera import SimulatedCamera
 
 
 def small_rig(folder: Path) -> Path:
@@ -91,3 +92,11 @@ def test_a_run_whose_bench_moved_ends_with_1_and_says_what_to_do(tmp_path):
     assert code == 1
     assert "the bench moved by" in " ".join(err.split())
     assert "press z" in " ".join(err.split())
+
+
+def test_a_camera_whose_exposure_stays_is_refused_where_it_is_to_follow_the_light(tmp_path, monkeypatch):
+    monkeypatch.setattr(SimulatedCamera, "exposure_settable", False, raising=False)
+    code, _, err = run("run --auto-exposure --frames 2 --rig", small_rig(tmp_path))
+    assert code == 2
+    words = "--auto-exposure: SimulatedCamera cannot change its exposure during a run: give --exposure\n"
+    assert err.endswith(words)

@@ -31,12 +31,14 @@ FINE = FocusReport(
 
 
 def test_the_exposure_is_named_that_would_do_where_the_frame_has_room_for_it():
-    # (64 - 4) of (255 - 4) grey levels at 4 ms; 0.8 of full scale wants 4 ms x 0.8 x 251 / 60 = 13.4 ms
+    # (64 - 4) of (255 - 4) grey levels at 4 ms; 0.88 of full scale wants 4 ms x 0.88 x 251 / 60 = 14.7 ms
     rig = RIG.model_copy(update={"camera": RIG.camera.model_copy(update={"exposure_s": 0.004})})
     dim = replace(FINE, bright_grey=64.0, mean_grey=34.0)
-    assert advice(dim, rig) == ("too dark: raise the exposure from 4 to about 13 ms",)
-    # from 8 ms it would be 27 ms, of 16.7 ms that a frame lasts
-    assert advice(dim, RIG)[0].startswith("too dark: 27 ms would be wanted, a frame lasts 16.7 ms: open the")
+    assert advice(dim, rig) == ("too dark: raise the exposure from 4 to about 15 ms",)
+    # from 8 ms it would be 29 ms, of 16.7 ms that a frame lasts
+    assert advice(dim, RIG)[0].startswith(
+        "too dark: 29 ms would be wanted, a frame lasts 16.7 ms: set the LCD"
+    )
 
 
 def test_focus_that_differs_over_the_view_is_a_tilt():
@@ -64,7 +66,7 @@ def test_flicker_asks_for_full_brightness_or_whole_periods():
 
 
 def test_several_faults_are_reported_light_first_then_place_then_focus():
-    report = replace(FINE, bright_grey=60.0, score=0.6, blur_px=2.6)
+    report = replace(FINE, bright_grey=60.0, mean_grey=32.0, score=0.6, blur_px=2.6)
     seen = replace(UPRIGHT, stray_share=0.3, place=replace(PLACE, right_px=-30.0, down_px=0.2))
     said = advice(report, RIG, seen)
     assert [line.split(":")[0].split(",")[0] for line in said] == [

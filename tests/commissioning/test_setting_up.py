@@ -23,7 +23,7 @@ MIRRORED, BOTH = {"mirrored": True}, "the picture is seen mirrored and turned"
     [
         ({}, GOOD),
         ({"camera": {"psf_px": 2.0}}, "out of focus (blur of about 2.0 px)"),
-        ({"simulation": {"peak_grey_share": 0.15}}, "too dark: 49 ms would be wanted, a frame lasts 16.7 ms"),
+        ({"simulation": {"peak_grey_share": 0.15}}, "too dark: 54 ms would be wanted, a frame lasts 16.7 ms"),
         ({"simulation": {"ambient": 0.2}}, "stray light, 20% of the LCD's"),
         ({"display": MIRRORED}, "the picture is seen mirrored: set display.mirrored"),
         ({"display": {"turn_deg": 90.0}}, "the picture is seen turned by 90 degrees clockwise"),

@@ -79,10 +79,10 @@ def test_a_discs_border_is_found_to_a_fraction_of_a_pixel_whatever_the_pictures_
     outline = refined(first_outline(region.mask), region.columns, region.model)
     u, v = (outline.points_px + np.array([region.left, region.top])).T
     off = np.hypot(u - 160.3, v - 121.8) - radius_px
-    # stripes of the picture as dark as the object pull at it: by 0.1 px if that is black, 0.26 px if white
-    assert abs(off.mean()) < 0.3
-    assert off.std() < 0.5
-    assert abs(signed_area(outline.points_px) / (np.pi * radius_px**2) - 1) < 0.03
+    # stripes of the picture as dark as the object pull at it: by 0.06 px if that is black, 0.12 px if white
+    assert abs(off.mean()) < 0.15
+    assert off.std() < 0.45
+    assert abs(signed_area(outline.points_px) / (np.pi * radius_px**2) - 1) < 0.02
     assert np.hypot(off.mean(), off.std()) < 3 * outline.sigma_px
     assert region.scattered == pytest.approx(scattered / MEAN, abs=0.01)
 
@@ -161,8 +161,19 @@ def test_a_contact_hardly_wider_than_a_flat_place_is_found(bench):
     bench.learn()
     (region,) = bench.regions(bench.frame(disc(7.0)))
     outline = refined(first_outline(region.mask), region.columns, region.model)
-    # dark stripes beside a small border pull it outwards by 0.2 px, +- 0.1 px by their phase
-    assert signed_area(outline.points_px) == pytest.approx(np.pi * 7**2, rel=0.12)
+    # 0.07 px, where single frames scatter by 0.03
+    assert signed_area(outline.points_px) == pytest.approx(np.pi * 7**2, rel=0.02)
+
+
+@pytest.mark.parametrize("scattered", [1.0, 8.0])
+def test_dirt_on_a_contacts_border_hardly_changes_it(bench, scattered):
+    """Dirt is no contact, but what it hides of one is: without that it would lack 14 %. A line across 20 px
+    of dirt lacks 2 px of a border that bends, which the border on either side makes up for: 1.3 % is left."""
+    dirt = 1 - 0.97 * disc(8.0, 160.3, 137.8)
+    bench.learn(dirt=dirt)
+    (region,) = bench.regions(bench.frame(disc(20.0), scattered, dirt=dirt))
+    outline = refined(first_outline(region.mask), region.columns, region.model)
+    assert signed_area(outline.points_px) == pytest.approx(np.pi * 20**2, rel=0.025)
 
 
 @pytest.mark.parametrize("angle_deg", [20.0, 65.0, 135.0])

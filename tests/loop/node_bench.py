@@ -79,6 +79,9 @@ class PhasorSensor:
     def set_reference(self, residual: Residual | None) -> None:
         pass
 
+    def scale_reference(self, ratio: float) -> None:
+        pass
+
 
 @dataclass
 class NodeBench:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from zeromethod.devices.protocols import Frame
 from zeromethod.loop.events import Event
 from zeromethod.loop.light_quality import (
     EVERY_FRAMES,
@@ -17,6 +18,12 @@ from zeromethod.warp.validity import Flag
 
 RATE_HZ = 60.0
 SEEN = np.ones((6, 8), bool)
+IMAGE = np.zeros((48, 64), np.uint8)
+EXPOSURE_NS = 8_000_000
+
+
+def frame_at(number: int, longer: int = 1) -> Frame:
+    return Frame(IMAGE, round(1e9 * number / RATE_HZ), longer * EXPOSURE_NS, number)
 
 
 def frames(count: int = FLICKER_FRAMES) -> np.ndarray:
@@ -99,7 +106,8 @@ def test_a_beat_is_reported_once_enough_frames_show_it_until_it_is_gone():
     said = []
     for k in range(4 * FLICKER_FRAMES):
         swing = 0.1 * np.sin(2 * np.pi * 4 * k / RATE_HZ) if k < 2 * FLICKER_FRAMES else 0.0
-        said.append(quality.look(residual(4 + 90 * (1 + swing)), round(1e9 * k / RATE_HZ)))
+        frame = frame_at(k)
+        said.append(quality.look(residual(4 + 90 * (1 + swing)), frame))
     first = next(k for k, one in enumerate(said) if one)
     assert FEWEST_FRAMES <= first + 1 <= FEWEST_FRAMES + EVERY_FRAMES
     assert {notice.event for one in said for notice in one} == {Event.FLICKER}
@@ -108,16 +116,25 @@ def test_a_beat_is_reported_once_enough_frames_show_it_until_it_is_gone():
     assert "4 Hz" in said[2 * FLICKER_FRAMES - 1][0].words
 
 
+def test_light_that_follows_the_exposure_is_no_beat():
+    """As of a camera that is exposed twice as long for every other 15 frames: 2 Hz."""
+    quality = LightQuality(SEEN, black_grey=4)
+    for k in range(2 * FLICKER_FRAMES):
+        longer = 1 + (k // 15) % 2
+        frame = frame_at(k, longer)
+        assert not quality.look(residual(4 + 50 * longer), frame)
+
+
 def test_saturation_is_reported_above_a_twentieth_of_the_view():
     quality = LightQuality(SEEN, black_grey=4)
-    assert quality.look(residual(100, saturated=2), 0) == []
-    (notice,) = quality.look(residual(100, saturated=12), 1)
+    assert quality.look(residual(100, saturated=2), frame_at(0)) == []
+    (notice,) = quality.look(residual(100, saturated=12), frame_at(1))
     assert notice.event is Event.SATURATED
     assert notice.words.startswith("25 % of the view is too bright")
 
 
 def test_where_no_node_is_visible_nothing_is_reported():
-    assert LightQuality(np.zeros_like(SEEN), 4).look(residual(100, saturated=48), 0) == []
+    assert LightQuality(np.zeros_like(SEEN), 4).look(residual(100, saturated=48), frame_at(0)) == []
 
 
 @pytest.mark.parametrize(

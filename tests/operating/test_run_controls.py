@@ -52,6 +52,7 @@ def test_every_method_acts_and_every_call_is_in_the_recording(tmp_path):
         with np.load(tmp_path / files[1]) as saved:
             assert str(saved["note"]) == "so far"
             assert np.isfinite(saved["depth_mm"]).any()
+        run.devices.camera.exposure_settable = False
         with pytest.raises(InputError, match=r"^exposure: SimulatedCamera cannot change it"):
             called("exposure", value=5.0)
         with pytest.raises(InputError, match=r"run\.h5: is being recorded already"):

@@ -119,3 +119,25 @@ def test_partial_loss_of_light_at_an_edge(sensor, drop):
 def test_strain_of_a_sudden_press_is_not_an_edge_of_light(sensor):
     residual = sensor.measure(camera(observed(cosines, 20 * bump(45.0), -15 * bump(45.0))))
     assert (residual.flags[INNER] & Flag.LIGHT_LOST > 0).mean() < 0.01
+
+
+def test_strain_beyond_the_last_nodes_is_not_an_edge_of_light(sensor):
+    """Nulled as far as nodes are measured, and strained by 0.3 px per px beyond, as a press at the view's end
+    is: that bends the mean by 3 %, where an edge of the light shows from 2 % on.
+    """
+    u, v = pixels()
+    beyond = 0.3 * np.maximum(u - GRID.u_px[GRID.inner[1]][-1], 0) * np.exp(-((v - 128) ** 2) / (2 * 30.0**2))
+    residual = sensor.measure(camera(cosines(u + beyond, v)))
+    assert not (residual.flags[INNER] & Flag.LIGHT_LOST).any()
+
+
+def test_no_valid_node_beside_a_dark_end_of_the_view_is_far_off(sensor):
+    """An edge within the windows of the last nodes: strain that goes straight on is no excuse for it."""
+    largest = 0.0
+    for left_px in range(270, 318, 3):
+        light = observed(cosines, 0.2, -0.1)
+        light[:, left_px:] *= 0.2
+        residual = sensor.measure(camera(light, seed=left_px))
+        error = np.abs(residual.d[INNER] - (0.2, -0.1)).max(axis=-1)
+        largest = max(largest, float(error[residual.valid[INNER]].max()))
+    assert largest < 1.0  # px: edges that bend the mean by less than the limit do not show at the last node

@@ -33,6 +33,7 @@ from zeromethod.cli.page_options import opened_page, page_options
 from zeromethod.cli.recording_options import RecordingOptions, recording_options
 from zeromethod.cli.starting import Starting
 from zeromethod.cli.stopping import stopped_by_signals
+from zeromethod.devices.abilities import exposure_setter_of
 from zeromethod.devices.opening import open_devices
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.loop.state import State
@@ -73,6 +74,9 @@ _STRIPS = {True: "edges", False: "none", None: None}
 @click.option("--publish", metavar="ADDRESS", help="Publish every reading: tcp://127.0.0.1:5556.")
 @recording_options
 @page_options
+@click.option(
+    "--auto-exposure", is_flag=True, help="Let the exposure follow the light, where the camera can."
+)
 @click.option("--force", is_flag=True, help="Run with a calibration that belongs to another bench.")
 @click.option("--simulate", is_flag=True, help="Simulate the rig's bench instead of opening its devices.")
 @scenario_options
@@ -108,6 +112,7 @@ def run_command(
     publish: str | None,
     view: str | None,
     control: str | None,
+    auto_exposure: bool,
     force: bool,
     simulate: bool,
     scenario: str | None,
@@ -173,6 +178,11 @@ def run_command(
         open_devices(rig) as opened,
         nullcontext() if publish is None else Publisher(publish, opened.clock) as publisher,
     ):
+        if auto_exposure and exposure_setter_of(opened.camera) is None:
+            name = type(opened.camera).__name__
+            raise InputError(
+                f"--auto-exposure: {name} cannot change its exposure during a run: give --exposure"
+            )
         if publisher is not None:
             click.echo(f"publishing at {publisher.address}", err=True)
         stored = calibration_of(rig_name)
@@ -203,6 +213,7 @@ def run_command(
                 opened,
                 (frames, seconds),
                 page,
+                auto_exposure=auto_exposure,
                 calibration="" if stored is None or simulate else stored.words,
                 folder=Path.cwd() if recording.recording is None else recording.recording.absolute().parent,
                 recorder=lambda path: replace(recording, recording=path).maker(stated, stored, fine),

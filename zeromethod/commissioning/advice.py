@@ -7,14 +7,18 @@ import math
 import numpy as np
 
 from zeromethod.commissioning.focus import FocusReport
+from zeromethod.commissioning.light_advice import (
+    DARK_SHARE,
+    SATURATED_SHARE,
+    advised_exposure_s,
+    exposure_lines,
+    flicker_lines,
+    light_share,
+    no_light,
+    stray_lines,
+)
 from zeromethod.commissioning.orientation import Alignment, Orientation
-from zeromethod.rig.model import CameraSpec, Rig
-
-SATURATED_SHARE = 0.002
-AIMED_SHARE, DARK_SHARE = 0.8, 0.35
-"""Share of full scale that the brightest grey should reach, and below which the picture is too dark."""
-NO_LIGHT_SHARE = 0.01
-"""Share of full scale that the mean grey of any picture exceeds."""
+from zeromethod.rig.model import Rig
 
 NO_TARGET_SCORE = 0.12
 SHARP_SCORE = 0.8
@@ -24,8 +28,6 @@ UNSEEN_SHARE = 0.05
 PART_SHARE = 0.5
 """Share of the image that should see the LCD at least."""
 USABLE_SHARE = 0.9
-STRAY_SHARE = 0.1
-FLICKER_SHARE = 0.01
 WRONG_SIZE, WRONG_TURN_DEG, WRONG_PLACE_PERIODS = 0.02, 1.0, 0.25
 """Beyond these the rig file does not describe the bench well enough to start from."""
 OTHER_SIZE = 0.1
@@ -37,15 +39,26 @@ GOOD = "good: focus, light and view are as they should be"
 
 
 def advice(
-    report: FocusReport, rig: Rig, seen: Orientation | None = None, flicker_share: float = math.nan
+    report: FocusReport,
+    rig: Rig,
+    seen: Orientation | None = None,
+    flicker_share: float = math.nan,
+    *,
+    exposure_s: float | None = None,
+    wanted_s: float | None = None,
+    hz: float = math.nan,
 ) -> tuple[str, ...]:
     """Advice, one line each; none when there is nothing to do.
 
     seen: from plain pictures, where they could be shown. flicker_share: standard deviation of the light from
-    frame to frame over its mean.
+    frame to frame over its mean; hz: its frequency, where it is the mains'. exposure_s: the frame's, else the
+    rig's; wanted_s: the advised one, else that of this frame.
     """
-    said = _light(report, rig.camera)
-    dim = _no_light(report, rig.camera)
+    exposure_s = rig.camera.exposure_s if exposure_s is None else exposure_s
+    if wanted_s is None:
+        wanted_s = advised_exposure_s(report, rig, exposure_s, light_share(report, rig))
+    said = exposure_lines(report, rig, exposure_s, wanted_s)
+    dim = no_light(report, rig)
     blinded = report.saturated_share > SATURATED_SHARE
     if seen is not None and seen.seen_share < UNSEEN_SHARE:
         said.append(
@@ -70,13 +83,10 @@ def advice(
     far = place is not None and max(abs(place.wider), abs(place.higher)) > OTHER_SIZE
     if not blinded and not far:  # what is clipped, or of another period, looks blurred
         said += _sharpness(report, lcd_seen=seen is not None)
-    said += _stray(seen)
-    if flicker_share > FLICKER_SHARE and not dim:
-        said.append(
-            f"the light flickers by {flicker_share:.1%} from frame to frame: set the LCD to full brightness "
-            "(no dimming by pulses), or expose for whole periods of it"
-        )
-    if aimed and not blinded and _light_share(report, rig.camera) >= DARK_SHARE:
+    said += stray_lines(seen)
+    if not dim:
+        said += flicker_lines(flicker_share, hz)
+    if aimed and not blinded and light_share(report, rig) >= DARK_SHARE:
         said += _usable(report)
     return tuple(said)
 
@@ -100,38 +110,6 @@ def misplaced(seen: Orientation, rig: Rig) -> bool:
     """Whether the LCD should be looked for again: it is not seen as it should be."""
     place = seen.place
     return place is None or not seen.upright or any(_wrong(place, rig.target.period_px))
-
-
-def _light_share(report: FocusReport, camera: CameraSpec) -> float:
-    """Brightest light over what the camera can take."""
-    black = camera.noise.black_grey
-    return (report.bright_grey - black) / (report.full_grey - black)
-
-
-def _no_light(report: FocusReport, camera: CameraSpec) -> bool:
-    black = camera.noise.black_grey
-    return report.mean_grey - black <= NO_LIGHT_SHARE * (report.full_grey - black)
-
-
-def _light(report: FocusReport, camera: CameraSpec) -> list[str]:
-    share = _light_share(report, camera)
-    exposure_ms = 1e3 * camera.exposure_s
-    if report.saturated_share > SATURATED_SHARE:
-        return [
-            f"saturated ({report.saturated_share:.1%} of the pixels): shorten the exposure "
-            f"(now {exposure_ms:.3g} ms) or lower the gain until none is"
-        ]
-    if share >= DARK_SHARE:
-        return []
-    if _no_light(report, camera):
-        return ["no light: lens cap, aperture, LCD's backlight, exposure"]
-    wanted_s = camera.exposure_s * AIMED_SHARE / share
-    if wanted_s <= 1 / camera.rate_hz:
-        return [f"too dark: raise the exposure from {exposure_ms:.3g} to about {1e3 * wanted_s:.2g} ms"]
-    return [
-        f"too dark: {1e3 * wanted_s:.0f} ms would be wanted, a frame lasts {1e3 / camera.rate_hz:.3g} ms: "
-        "open the aperture, raise the gain, or take fewer frames per second"
-    ]
 
 
 def _sharpness(report: FocusReport, lcd_seen: bool) -> list[str]:
@@ -172,12 +150,6 @@ def _lie(seen: Orientation) -> list[str]:
             "in the rig file to how the bench is built"
         )
     return said
-
-
-def _stray(seen: Orientation | None) -> list[str]:
-    if seen is None or not seen.stray_share > STRAY_SHARE:
-        return []
-    return [f"stray light, {seen.stray_share:.0%} of the LCD's: darken the room, shade the prism"]
 
 
 def _usable(report: FocusReport) -> list[str]:

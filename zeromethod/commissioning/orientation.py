@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -24,6 +24,10 @@ FULL_CODE = 255
 NOISE_GREY_SHARE = 0.02
 """Share of full scale by which a pixel, smoothed, must follow the LCD to count as seeing it."""
 SMOOTHING_PX = 5
+
+GLARE_SHARE, GLARE_BELOW = 0.02, 20.0
+"""Share of the white LCD's light from which a bright place with the LCD black is an image of a lamp;
+percentile of that picture which is taken for the even light."""
 
 LEAST_LEANING = 0.1
 """Covariance of light and place, in units of the lit pixels' spread, below which no side is known: a sharp
@@ -51,13 +55,26 @@ class Alignment:
 
 
 @dataclass(frozen=True)
+class Glare:
+    """Image of a lamp in the faces or the mirror, seen with the LCD black.
+
+    share: its light over the white LCD's. u_px, v_px: its middle. size_px: its larger side.
+    """
+
+    share: float
+    u_px: float
+    v_px: float
+    size_px: float
+
+
+@dataclass(frozen=True)
 class Orientation:
     """How the LCD is seen. Shares are 0..1.
 
     seen_share: of the image that follows the LCD. stray_grey: grey levels of light that does not, above the
     camera's black; stray_share: it over the white LCD's light. mirrored: in u, before the turn. turn_deg: as
     `Alignment` has it, -180..180; NaN when the LCD is not seen. place: None where the LCD is not seen, or
-    mirrored or turned by quarters; good to about a pixel.
+    mirrored or turned by quarters; good to about a pixel. glare: None where stray light is even.
     """
 
     seen_share: float
@@ -66,6 +83,7 @@ class Orientation:
     mirrored: bool = False
     turn_deg: float = math.nan
     place: Alignment | None = None
+    glare: Glare | None = None
 
     @property
     def quarter_turns(self) -> int:
@@ -120,7 +138,9 @@ class PlainPictures:
         if np.count_nonzero(lit) < LEAST_PIXELS:
             return Orientation(seen_share)
         stray_grey = max(float(black[lit].mean()), 0.0)
-        stray = stray_grey, stray_grey / float(even[lit].mean())
+        white_grey = float(even[lit].mean())
+        stray = stray_grey, stray_grey / white_grey
+        glare = _glare(black, white_grey, 3 * NOISE_GREY_SHARE * full_grey / SMOOTHING_PX)
         # noise is left in, of either sign, as cutting it off would shift every mean
         shares = [np.clip((part - black)[lit] / even[lit], -1, 2) for part in parts]
         row, column = np.nonzero(lit)
@@ -133,15 +153,15 @@ class PlainPictures:
         # columns: where in the image (u, v) the light of "right" and of "lower" went
         went = np.stack([spread @ (half - half.mean()) / half.size for half in halves], axis=1)
         if np.linalg.norm(went, axis=0).min() < LEAST_LEANING:
-            return Orientation(seen_share, *stray)
+            return Orientation(seen_share, *stray, glare=glare)
         mirrored = bool(np.linalg.det(went) < 0)
         if mirrored:
             went[0] *= -1
         turn = math.degrees(math.atan2(went[1, 0] - went[0, 1], went[0, 0] + went[1, 1]))
-        seen = Orientation(seen_share, *stray, mirrored, turn)
+        seen = Orientation(seen_share, *stray, mirrored, turn, glare=glare)
         if not seen.upright:
             return seen
-        return Orientation(seen_share, *stray, mirrored, turn, self._place(lit, shares, turn))
+        return replace(seen, place=self._place(lit, shares, turn))
 
     def _inside_px(self, q: Float) -> list[Float]:
         """How far LCD positions (..., 2) lie inside each partly lit picture's light, camera px."""
@@ -166,3 +186,18 @@ class PlainPictures:
             right_px=(right - seen[0]) / rows,
             down_px=(lower - seen[1]) / columns,
         )
+
+
+def _glare(black: Float, white_grey: float, noise_grey: float) -> Glare | None:
+    """What stands out of the picture of a black LCD, by more than noise and `GLARE_SHARE` of white."""
+    even = cv2.blur(black, (SMOOTHING_PX, SMOOTHING_PX))
+    above = even - float(np.percentile(even, GLARE_BELOW))
+    limit = max(GLARE_SHARE * white_grey, noise_grey)
+    bright = above > limit
+    if np.count_nonzero(bright) < LEAST_PIXELS:
+        return None
+    v, u = np.nonzero(bright)
+    sides = [(float(axis.min()), float(axis.max())) for axis in (u, v)]
+    u_px, v_px = (0.5 * (first + last) for first, last in sides)
+    size_px = max(last - first for first, last in sides)
+    return Glare(float(np.percentile(above[bright], 90)) / white_grey, u_px, v_px, size_px)

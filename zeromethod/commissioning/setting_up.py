@@ -11,6 +11,7 @@ import numpy as np
 
 from zeromethod.commissioning.advice import GOOD, advice, misplaced, placed
 from zeromethod.commissioning.focus import FocusMeter, FocusReport
+from zeromethod.commissioning.light_advice import FLICKER_SHARE, advised_exposure_s, light_share, mains_hz
 from zeromethod.commissioning.orientation import Alignment, Orientation, PlainPictures
 from zeromethod.commissioning.patterns import TimedPatterns
 from zeromethod.devices.opening import Devices
@@ -29,30 +30,49 @@ FLICKER_FRAMES = 16
 
 
 class Flicker:
-    """Standard deviation of the light over its mean, from frame to frame, less a steady drift."""
+    """How the light changes from frame to frame, less a steady drift."""
 
     def __init__(self, black_grey: float) -> None:
         self._black = black_grey
-        self._greys: deque[float] = deque(maxlen=FLICKER_FRAMES)
+        self._frames: deque[tuple[float, float, float]] = deque(maxlen=FLICKER_FRAMES)
 
-    def note(self, mean_grey: float) -> float:
-        """Take in a frame's mean grey; the share, NaN before half of the frames are there."""
-        self._greys.append(mean_grey - self._black)
-        light = np.array(self._greys)
+    def note(self, mean_grey: float, time_s: float = 0.0, bright: float = 0.0) -> float:
+        """Take in a frame; the light's standard deviation over its mean, NaN before half of them are there.
+
+        mean_grey: of the frame. time_s: its mid-exposure. bright: its brightest light, in any unit.
+        """
+        self._frames.append((mean_grey - self._black, time_s, bright))
+        light = np.array(self._frames)[:, 0]
         if len(light) < FLICKER_FRAMES // 2 or light.mean() <= 0:
             return math.nan
         order = np.arange(len(light))
         rest = light - np.polyval(np.polyfit(order, light, 1), order)
         return float(rest.std(ddof=2) / light.mean())
 
+    @property
+    def brightest(self) -> float:
+        """Of the last frames."""
+        return max((bright for *_, bright in self._frames), default=0.0)
+
+    @property
+    def mains_hz(self) -> float:
+        """Frequency of lamps on the mains, Hz, where they explain it; NaN else."""
+        if len(self._frames) < FLICKER_FRAMES // 2:
+            return math.nan
+        light, times_s, _ = np.array(self._frames).T
+        return mains_hz(times_s, light)
+
     def forget(self) -> None:
         """Start again."""
-        self._greys.clear()
+        self._frames.clear()
 
 
 @dataclass(frozen=True)
 class Sight:
-    """One frame and what it says. time_s: from the first one. place: of the picture, where it is known."""
+    """One frame and what it says. time_s: from the first one. place: of the picture, where it is known.
+
+    mains_hz: of lamps whose flicker is seen, NaN for none. advised_exposure_s: for the least sigma of depth.
+    """
 
     time_s: float
     frame: Frame
@@ -61,6 +81,8 @@ class Sight:
     flicker_share: float
     place: Alignment | None
     advice: tuple[str, ...]
+    mains_hz: float = math.nan
+    advised_exposure_s: float = math.nan
 
     @property
     def lines(self) -> tuple[str, ...]:
@@ -119,16 +141,25 @@ class SettingUp:
                     seen = self._look_for_lcd()
                     looked_ns = clock.now_ns()
                 frame = self._patterns.read()
-                stray_grey = 0.0 if seen is None or math.isnan(seen.stray_grey) else seen.stray_grey
-                report = self._meter.look(frame.image, stray_grey)
-                flicker = self._flicker.note(report.mean_grey)
-                said = advice(report, self._rig, seen, flicker)
-                place = placed(report, seen, self._rig.target.period_px)
-                yield Sight(1e-9 * (clock.now_ns() - start_ns), frame, report, seen, flicker, place, said)
+                yield self._sight(frame, seen, 1e-9 * (clock.now_ns() - start_ns))
         except CameraLost as error:
             raise MeasurementError(f"the camera is lost: {error}") from error
         except DisplayLost as error:
             raise MeasurementError(f"the display is lost: {error}") from error
+
+    def _sight(self, frame: Frame, seen: Orientation | None, time_s: float) -> Sight:
+        """One frame judged."""
+        rig, flicker = self._rig, self._flicker
+        stray_grey = 0.0 if seen is None or math.isnan(seen.stray_grey) else seen.stray_grey
+        report = self._meter.look(frame.image, stray_grey)
+        share = flicker.note(report.mean_grey, 1e-9 * frame.time_ns, light_share(report, rig, stray_grey))
+        hz = flicker.mains_hz if share > FLICKER_SHARE else math.nan
+        exposure_s = 1e-9 * frame.exposure_ns
+        wanted_s = advised_exposure_s(report, rig, exposure_s, flicker.brightest, hz)
+        said = advice(report, rig, seen, share, exposure_s=exposure_s, wanted_s=wanted_s, hz=hz)
+        place = placed(report, seen, rig.target.period_px)
+        advised_s = min(wanted_s, 1 / rig.camera.rate_hz)
+        return Sight(time_s, frame, report, seen, share, place, said, hz, advised_s)
 
     def _look_for_lcd(self) -> Orientation | None:
         """Show plain pictures, then the target at rest; None without the LCD."""

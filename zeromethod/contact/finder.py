@@ -38,6 +38,8 @@ LEAST_MM2 = 0.2
 """Area below which nothing is called a contact."""
 _LENS_PX = 0.5
 """Blur of a border by a pupil that the rig does not give."""
+_PIXEL_PX2 = 1 / 6
+"""Variance of a border's blur by the pixel's square, and as much again by what the lens leaves unsharp."""
 _EDGE_PX = 0.1
 """What the blur's own uncertainty leaves open of a border."""
 _PARTED_PX = 4.0
@@ -66,7 +68,7 @@ class ContactFinder:
         return self._rest.known
 
     def follow(
-        self, image: Image, residual: Residual, surface: Surface, *, nulled: bool
+        self, image: Image, residual: Residual, surface: Surface, *, nulled: bool, exposure_ns: int = 0
     ) -> tuple[Contact, ...]:
         """Contacts of the next frame, largest first.
 
@@ -78,12 +80,16 @@ class ContactFinder:
             What was measured and read from it.
         nulled : bool
             Whether the camera sees the target in it, so that it may teach the picture at rest.
+        exposure_ns : int, optional
+            How long it was exposed, as light grows with it; 0 where it does not change.
 
         Returns
         -------
         tuple of Contact
             Those seen in two frames in a row, and in one of the last two.
         """
+        if exposure_ns:
+            self._rest.expose(exposure_ns)
         if not self._rest.known:
             if nulled:
                 self._rest.add(image, residual)
@@ -210,4 +216,4 @@ def _blur_px(rig: Rig) -> float:
     if rig.camera.pupil_mm > 0:
         # of a disc, its radius in the middle of the view
         pupil = float(np.sqrt(np.abs(np.linalg.det(footprint_terms(rig)[0])))) / 2
-    return float(np.hypot(pupil, np.sqrt(1 / 12)))
+    return float(np.hypot(pupil, np.sqrt(_PIXEL_PX2)))

@@ -234,7 +234,7 @@ class RegionFinder:
         mask = labels == label
         if not label or not mask.any():
             return None
-        mask = self._without_fringes(mask, grey, scattered, wide_px)
+        mask = _with_dirt(self._without_fringes(mask, grey, scattered, wide_px), dirt)
         return Region(*corner, mask, probability, columns, model, scattered / mirrored)
 
     def _without_fringes(self, mask: Mask, grey: Single, scattered: float, wide_px: int) -> Mask:
@@ -260,6 +260,16 @@ class RegionFinder:
                 self._models.clear()
             self._models[key] = grey_model(*key, rest.levels, rest.shares, self._blur_px, self.noise)
         return self._models[key]
+
+
+def _with_dirt(mask: Mask, dirt: Mask) -> Mask:
+    """A region with the dirt that bites into it: what a line round it takes in and hangs together with it."""
+    if not (dirt & (cv2.dilate(mask.view(np.uint8), _disc(3)) > 0)).any():
+        return mask
+    hull = np.zeros(mask.shape, np.uint8)
+    cv2.fillConvexPoly(hull, cv2.convexHull(cv2.findNonZero(mask.view(np.uint8))), 1)
+    _, labels = cv2.connectedComponents((mask | (dirt & (hull > 0))).view(np.uint8))
+    return np.asarray(np.isin(labels, np.unique(labels[mask])))
 
 
 def _disc(side: int) -> Bytes:

@@ -38,7 +38,7 @@ class RestPicture:
         self._black = rig.camera.noise.black_grey
         self._period = grid.period_px
         self._periodic = rig.target.kind != "noise"
-        self._frames = 0
+        self._frames = self._exposure_ns = 0
         self._sum: Single | None = np.zeros(grid.image_shape, np.float32)
         self._square: Single | None = np.zeros(grid.image_shape, np.float32) if rig.target.step else None
         self._amplitude = np.zeros((*grid.shape, 2))
@@ -90,6 +90,17 @@ class RestPicture:
         share = (single / mean)[~self.static]
         counts = np.histogram(share, bins=BINS, range=(0.0, 2.4))[0]
         self.shares = counts / max(counts.sum(), 1)
+
+    def expose(self, exposure_ns: int) -> None:
+        """Expect the light that another exposure brings; a first one is that of the picture at rest."""
+        if self._exposure_ns not in (0, exposure_ns):
+            ratio = exposure_ns / self._exposure_ns
+            self._amplitude *= ratio
+            self._light *= ratio
+            self.mean *= np.float32(ratio)
+            if self._sum is not None:
+                self._sum *= np.float32(ratio)
+        self._exposure_ns = exposure_ns
 
     def lost(self, residual: Residual, least: float, least_light: float) -> Mask:
         """(rows, cols) nodes that have lost their carrier: amplitude below `least` of that at rest.

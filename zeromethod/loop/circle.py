@@ -68,6 +68,9 @@ class Sensor(Protocol):
     def set_reference(self, residual: Residual | None) -> None:
         """Take the brightness to hold later frames against from a residual; None forgets."""
 
+    def scale_reference(self, ratio: float) -> None:
+        """Expect this many times the light, as of another exposure."""
+
 
 @dataclass(frozen=True, slots=True)
 class FrameResult:
@@ -148,6 +151,7 @@ class Circle:
         self.controller = controller
         self._sensor = sensor
         self._light_watch = LightWatch(rest.visible, black_grey)
+        self._exposure_ns = 0
         self._hold = LightHold(rest.flags.shape, rest.grid.period_px)
         self._lost_light = LostLight(rest.flags.shape, rest.grid.period_px, black_grey)
         self._expected_light = expected_light
@@ -209,6 +213,7 @@ class Circle:
     def take(self, frame: Frame, frozen: bool = False) -> FrameResult:
         """Take one frame round the circle; the command stays as it is where `frozen`."""
         self.settle()
+        self._expect_light(frame.exposure_ns)
         known_q = self.controller.estimate
         observation = self.exposures.observe(frame, known_q)
         if isinstance(observation, Unpaired):
@@ -240,6 +245,14 @@ class Circle:
         burst = self.burst
         coded = (False, False) if burst is None else (burst.blinding, burst.unread)
         return FrameResult(changed, refusal, observation, *seen, order, *coded)
+
+    def _expect_light(self, exposure_ns: int) -> None:
+        """Hold a frame against the light that its exposure brings."""
+        if self._exposure_ns not in (0, exposure_ns):
+            ratio = exposure_ns / self._exposure_ns
+            self._sensor.scale_reference(ratio)
+            self._light_watch.scale(ratio)
+        self._exposure_ns = exposure_ns
 
     def settle(self) -> None:
         """Learn from the last frame what only later ones need: best once its command was given away."""

@@ -8,6 +8,7 @@ import numba
 import numpy as np
 
 from zeromethod.arrays import Float, Mask, Single
+from zeromethod.devices.protocols import Frame
 from zeromethod.loop.events import Event, Notice
 from zeromethod.rounding import REORDERED
 from zeromethod.sensing.residual import Residual
@@ -70,6 +71,11 @@ class LightWatch:
         light = mean_grey[self._seen] - self._black
         return float(np.mean(light > LIT_ABOVE * (self._usual or 0.0))) > LIT_SHARE
 
+    def scale(self, ratio: float) -> None:
+        """Expect this many times the light, as of another exposure."""
+        if self._usual is not None:
+            self._usual *= ratio
+
     def is_off(self, mean_grey: Single) -> bool:
         """Whether a frame with these means per node, (rows, cols) grey, was taken without light."""
         if not self._any:
@@ -127,7 +133,7 @@ class LightQuality:
         self._frames = 0
         self._beat = ""
 
-    def look(self, residual: Residual, time_ns: int) -> list[Notice]:
+    def look(self, residual: Residual, frame: Frame) -> list[Notice]:
         """Notices for one frame."""
         if not self._seen.any():
             return []
@@ -138,8 +144,8 @@ class LightQuality:
             share = f"{100 * saturated:.0f} % of the view is too bright for the camera"
             words = f"{share}: shorten the exposure, or lower the gain"
             notices.append(Notice(Event.SATURATED, words))
-        self._times_ns.append(time_ns)
-        self._light.append(mean_of(residual.mean, self._seen) - self._black)
+        self._times_ns.append(frame.time_ns)
+        self._light.append((mean_of(residual.mean, self._seen) - self._black) / frame.exposure_ns)
         self._frames += 1
         if len(self._light) >= FEWEST_FRAMES and self._frames % EVERY_FRAMES == 0:
             times_s = 1e-9 * np.array([time - self._times_ns[0] for time in self._times_ns])

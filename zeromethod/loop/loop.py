@@ -295,7 +295,7 @@ class Loop:
         """Events of light that spoils the measurement, and of a bench that moved."""
         if result.residual is None:
             return ()
-        notices = [*self._quality.look(result.residual, frame.time_ns), *self.bench.look(frame.image, result)]
+        notices = [*self._quality.look(result.residual, frame), *self.bench.look(frame.image, result)]
         for notice in notices:
             self._notices.add(notice)
         return tuple(notice.event for notice in notices)

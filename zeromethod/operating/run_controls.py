@@ -20,7 +20,7 @@ from zeromethod.operating.run_table import RUN
 from zeromethod.operating.snapshot import save_snapshot
 from zeromethod.session.outputs import Record
 from zeromethod.session.session import Session
-from zeromethod.worker import in_thread
+from zeromethod.worker import completed, in_thread
 
 _FILE = re.compile(r"[\w][\w .+-]{0,80}\.h5")
 _STAMP = "%Y-%m-%dT%H-%M-%S"
@@ -97,7 +97,12 @@ class RunControls:
         if setter is None:
             name = type(camera).__name__
             raise InputError(f"exposure: {name} cannot change it during a run: end it and give --exposure")
-        return in_thread("set exposure", lambda: {"exposure_ms": 1e3 * setter(1e-3 * value)})
+
+        def answer() -> Answer:
+            return {"exposure_ms": 1e3 * setter(1e-3 * value)}
+
+        # in simulated time no thread may decide which frame is the first
+        return in_thread("set exposure", answer) if self._session.loop.live else completed(answer)
 
     def _record(self, file: str | None, note: str) -> Future[Answer]:  # noqa: ARG002 - the call itself is kept
         name = file or f"{datetime.now():{_STAMP}}.h5"

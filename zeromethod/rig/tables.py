@@ -24,6 +24,7 @@ LitShare = Annotated[float, Field(gt=0, le=1)]
 Angle = Annotated[float, Field(ge=-360, le=360)]
 Rate = Annotated[float, Field(gt=0, le=10000)]
 Lag = Annotated[float, Field(ge=0, le=10)]
+Luminance = Annotated[float, Field(ge=0, le=1000)]
 Count = Annotated[int, Field(ge=0)]
 Text = Annotated[str, Field(min_length=1)]
 Index = Annotated[float, Field(ge=1, le=4)]
@@ -251,13 +252,32 @@ class ControlSpec(Table):
 
 
 class LightSpec(Table):
-    """What lights the pattern.
+    """What lights the pattern, and what else gives light. Reading goes by `source` alone.
 
     source "lcd": its own backlight. "lamp": a lamp at the camera's lens shines on a printed pattern by way of
     the mirror; its light is reflected twice, and is as dense on the print as the mirror focuses it.
+    The rest is the simulated bench's. `brightness`: of LCD or lamp, 1: as `simulation.peak_grey_share` has
+    it. Luminances over that of the white LCD at brightness 1: `room`, all that surrounds the prism, steady;
+    `mains`, the same by lamps that swing to nothing and back `mains_hz` times a second, on average; `sun`,
+    the same by a sun that grows by a tenth a minute and that clouds take to a fifth and back every
+    `cloud_s`; `ring`, of a ring light round the lens with radii `ring_mm`, inner and outer.
     """
 
     source: Literal["lcd", "lamp"] = "lcd"
+    brightness: Annotated[float, Field(gt=0, le=10)] = 1.0
+    room: Luminance = 0.0
+    mains: Luminance = 0.0
+    mains_hz: Rate = 100.0
+    sun: Luminance = 0.0
+    cloud_s: Positive = 2.0
+    ring: Luminance = 0.0
+    ring_mm: tuple[Positive, Positive] = (20.0, 30.0)
+
+    @model_validator(mode="after")
+    def _rings(self) -> LightSpec:
+        if self.ring_mm[0] >= self.ring_mm[1]:
+            raise refused("ring_mm", list(self.ring_mm), "inner, outer with inner below outer")
+        return self
 
     @property
     def by_mirror(self) -> bool:

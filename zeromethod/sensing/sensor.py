@@ -132,6 +132,10 @@ class ResidualSensor:
         light = np.maximum(residual.mean[inner] - self._black, 0.0)
         self._reference_light[lit] = light[lit]
 
+    def scale_reference(self, ratio: float) -> None:
+        """Expect this many times the light, as of another exposure."""
+        self._reference_light *= np.float32(ratio)
+
     def measure(
         self,
         image: Image,

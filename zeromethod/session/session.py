@@ -320,7 +320,8 @@ class Session:
             return ()  # beside a contact the mirror spreads a lamp's light, which would pass for its border
         if Event.BURST not in step.events:  # where coded pictures are shown the carrier is not seen
             nulled = sees_target(step.state, step.residual_rms_px)
-            self._touched = self._contacts.follow(step.image, step.residual, surface, nulled=nulled)
+            seen = step.image, step.residual, surface
+            self._touched = self._contacts.follow(*seen, nulled=nulled, exposure_ns=step.exposure_ns)
         return self._touched
 
     @cached_property

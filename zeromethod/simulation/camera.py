@@ -21,6 +21,9 @@ from zeromethod.simulation.press import Mirror
 from zeromethod.simulation.renderer import Piece
 from zeromethod.simulation.scenario import Scenario, scenario_of
 from zeromethod.simulation.sensor import Sensor
+from zeromethod.simulation.surroundings import Surroundings
+
+LEAST_EXPOSURE_S = 1e-5
 
 
 class SimulatedCamera:
@@ -43,6 +46,7 @@ class SimulatedCamera:
         self._delivery = Delivery(rig)
         self._sensor = Sensor(rig)
         self._nuisances = Nuisances(rig)
+        self._surroundings = Surroundings(rig)
         self._moved = 0.0, 0.0
         self._closed = False
         opened_ns = clock.now_ns()
@@ -85,9 +89,19 @@ class SimulatedCamera:
         self._last = number
         image = self._image(number)
         self._keep_pictures()
-        exposure_ns = self._delivery.exposure_ns
+        exposure_ns = self._delivery.exposure_ns(number)
         middle_ns = self._delivery.start_ns(number) + exposure_ns // 2
         return Frame(image, middle_ns, exposure_ns, number, dropped)
+
+    def set_exposure(self, exposure_s: float) -> float:
+        """Expose frames that start from now on for so long; light that is gathered grows with it."""
+        longest_s = 1 / self._rig.camera.rate_hz
+        if not LEAST_EXPOSURE_S <= exposure_s <= longest_s * (1 + 1e-6):
+            allowed = f"at least {LEAST_EXPOSURE_S:g} and at most {longest_s:.6g}"
+            raise InputError(f"camera.exposure_s: {exposure_s:g}: the simulated camera takes {allowed}")
+        exposure_ns = round(1e9 * exposure_s)
+        self._delivery.expose(self._clock.now_ns(), exposure_ns)
+        return 1e-9 * exposure_ns
 
     def close(self) -> None:
         """Stop looking; safe to call twice. The display stays open."""
@@ -129,21 +143,29 @@ class SimulatedCamera:
     def _exposed(self, number: int) -> Image:
         """Image of what frame `number` was truly exposed to."""
         start_ns = self._delivery.start_ns(number)
-        end_ns = start_ns + self._delivery.exposure_ns
+        exposure_ns = self._delivery.exposure_ns(number)
+        end_ns = start_ns + exposure_ns
         moved = moved_share(self._rig, number), self._nuisances.kelvin(start_ns)
         if moved != self._moved:
-            self._display.renderer.move(warmed_rig(moved_rig(self._rig, moved[0]), moved[1]))
+            rig = warmed_rig(moved_rig(self._rig, moved[0]), moved[1])
+            self._display.renderer.move(rig)
+            self._surroundings.move(rig)
             self._moved = moved
+        backlight = self._rig.light.brightness * self._nuisances.backlight(start_ns, end_ns)
         pieces = exposure_pieces(
             self.scenario,
             self._display.panel,
             self._display.presentations,
             start_ns,
             end_ns,
-            backlight=self._nuisances.backlight(start_ns, end_ns) if self._delivery.lit(number) else 0.0,
+            backlight=backlight if self._delivery.lit(number) else 0.0,
         )
         light: Single = self._display.renderer.expose(pieces)
-        return self._sensor.image(self._nuisances.on(light, start_ns, end_ns), number)
+        mirror = self.scenario.mirror_at((start_ns + end_ns) // 2)
+        light = self._surroundings.on(light, mirror, start_ns, end_ns)
+        light = self._nuisances.on(light, start_ns, end_ns)
+        gathered = np.float32(1e-9 * exposure_ns / self._rig.camera.exposure_s)
+        return self._sensor.image(light if gathered == 1 else gathered * light, number)
 
 
 _GAUSS_LEGENDRE = 1 / np.sqrt(3.0)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from zeromethod.rig.model import Rig
 from zeromethod.simulation.timeline import Timeline
 
@@ -24,9 +26,18 @@ class Delivery:
         self._faults = spec.faults
         rate_hz = spec.camera_rate_hz or rig.camera.rate_hz
         self._timeline = Timeline(rate_hz, spec.camera_phase, spec.camera_jitter_s, spec.seed, _STREAM)
-        self.exposure_ns = max(2, round(rig.camera.exposure_s * 1e9))
-        self._behind_ns = self.exposure_ns + round(spec.camera_latency_s * 1e9)
+        self._exposures_ns = [(-math.inf, max(2, round(rig.camera.exposure_s * 1e9)))]
+        self._latency_ns = round(spec.camera_latency_s * 1e9)
         self._late_ns = round(self._faults.late_s * 1e9)
+
+    def expose(self, from_ns: int, exposure_ns: int) -> None:
+        """Have frames that start at `from_ns`, which only grows, or later exposed for so long."""
+        self._exposures_ns.append((from_ns, exposure_ns))
+
+    def exposure_ns(self, number: int) -> int:
+        """How long frame `number` is exposed."""
+        start_ns = self.start_ns(number)
+        return next(length for since_ns, length in reversed(self._exposures_ns) if since_ns <= start_ns)
 
     def start_ns(self, number: int) -> int:
         """Start of the exposure of frame `number`."""
@@ -62,7 +73,8 @@ class Delivery:
 
     def _due(self, time_ns: int, after: int) -> range:
         """Frames above `after` that are there by `time_ns` if nothing delays them."""
-        return range(after + 1, self._timeline.last_until(time_ns - self._behind_ns) + 1)
+        soonest_ns = min(length for _, length in self._exposures_ns) + self._latency_ns
+        return range(after + 1, self._timeline.last_until(time_ns - soonest_ns) + 1)
 
     def _arrived(self, number: int, time_ns: int) -> bool:
         return self.delivered(number) and self.arrival_ns(number) <= time_ns
@@ -99,7 +111,7 @@ class Delivery:
         return number - 1
 
     def _timely_ns(self, number: int) -> int:
-        return self.start_ns(number) + self._behind_ns
+        return self.start_ns(number) + self.exposure_ns(number) + self._latency_ns
 
     def _stalled(self, number: int) -> bool:
         first = self._faults.stall_at_frame

@@ -41,6 +41,14 @@ class Dirt(NamedTuple):
     astray: Single
 
 
+def swing(hz: float, from_ns: int, to_ns: int) -> float:
+    """Mean over an exposure of 1 + cos(2 pi hz t): a light that goes to nothing and back, 1 on average."""
+    turn = 2 * math.pi * hz
+    middle_s, half_s = 0.5e-9 * (from_ns + to_ns), 0.5e-9 * (to_ns - from_ns)
+    kept = math.sin(turn * half_s) / (turn * half_s) if half_s > 0 else 1.0
+    return 1 + kept * math.cos(turn * middle_s)
+
+
 class Nuisances:
     """The nuisances of a rig's simulated bench."""
 
@@ -55,10 +63,7 @@ class Nuisances:
 
     def mains(self, from_ns: int, to_ns: int) -> float:
         """Light of lamps on the mains in an exposure: that of full ones on average, and none in between."""
-        turn = 2 * math.pi * self._spec.mains_hz
-        middle_s, half_s = 0.5e-9 * (from_ns + to_ns), 0.5e-9 * (to_ns - from_ns)
-        kept = math.sin(turn * half_s) / (turn * half_s) if half_s > 0 else 1.0
-        return self._spec.mains * (1 + kept * math.cos(turn * middle_s))
+        return self._spec.mains * swing(self._spec.mains_hz, from_ns, to_ns)
 
     def kelvin(self, time_ns: int) -> float:
         """How much warmer the rubber is than the rig file has it, in whole steps."""

@@ -39,6 +39,7 @@ def sight_table(sight: Sight) -> RenderableType:
     light = f"mean {report.mean_grey:.0f}, brightest {report.bright_grey:.0f} of {report.full_grey:.0f}"
     rows += [
         ("exposure", f"{1e-6 * sight.frame.exposure_ns:.3g} ms; {light}"),
+        ("... for the least noise", f"{_number(1e3 * sight.advised_exposure_s, '.3g')} ms"),
         ("grey levels", f"|{sparkline(report.histogram)}|"),
         ("saturated", f"{report.saturated_share:.2%} of the pixels"),
         ("should see the LCD", f"{report.seen_share:.0%} of the view, by the rig file"),
@@ -87,6 +88,8 @@ def sight_figures(sight: Sight) -> dict[str, Any]:
         "exposure_s": 1e-9 * sight.frame.exposure_ns,
         **report,
         "flicker_share": sight.flicker_share,
+        "mains_hz": sight.mains_hz,
+        "advised_exposure_s": sight.advised_exposure_s,
         "picture": None if sight.place is None else asdict(sight.place),
         "lcd": None if sight.seen is None else asdict(sight.seen),
         "advice": sight.lines,
