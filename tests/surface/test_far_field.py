@@ -45,11 +45,21 @@ def long_field(peak_mm, at, along_mm, across_mm, angle):
     return depth, np.stack([c * by_along - s * by_across, s * by_along + c * by_across], axis=-1)
 
 
-def fitted(depth, slope, constant, gradient=H_GRADIENT, noise=NOISE, seed=0, bound=BOUND_MM, body=None):
+def fitted(
+    depth,
+    slope,
+    constant,
+    gradient=H_GRADIENT,
+    noise=NOISE,
+    seed=0,
+    bound=BOUND_MM,
+    body=None,
+    seen=EVERYWHERE,
+):
     generator = np.random.default_rng(seed)
     read = slope + constant * gradient + noise * generator.standard_normal(slope.shape)
     variance = np.full(slope.shape, noise**2)
-    about = (read, variance, depth + constant * H, H, H_GRADIENT, X, Y, EVERYWHERE)
+    about = (read, variance, depth + constant * H, H, H_GRADIENT, X, Y, seen)
     return fit_far_field(*about, BORDER / BORDER.sum(), bound, HIDDEN_MM, body)
 
 
@@ -144,6 +154,17 @@ def test_a_weak_ball_leaves_what_it_has_at_the_border_beside_a_deeper_dent_of_an
     # less than what the ball has there: a law that fits its core, and falls faster, leaves none of it
     border_mm = float((depth[BORDER] / H[BORDER]).mean())
     assert max(one.sigma_mm for one in found) < border_mm
+
+
+def test_a_ball_is_known_by_what_is_seen_around_its_dark_contact():
+    at, radius_mm = (42.1, 0.1), 3.9
+    depth, slope = under_a_ball(radius_mm, 0.1, at)
+    seen = np.hypot(X - at[0], Y - at[1]) > radius_mm
+    found = fitted(depth, slope, -4e-3, noise=1e-5, seen=seen)
+    assert abs(found.constant_mm + 4e-3) < 3 * found.sigma_mm
+    # around its contact a ball is much like dents of other laws, whose depth there differs by a percent and more
+    border_mm = float((depth[BORDER] / H[BORDER]).mean())
+    assert found.sigma_mm < 5e-3 * border_mm
 
 
 @pytest.mark.parametrize(
