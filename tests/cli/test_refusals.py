@@ -18,6 +18,7 @@ from small_rigs import BENCH_160, small_rig_file
 import benchmarks
 from benchmarks.against_peers.open_loop import coarser
 from zeromethod.drivers.monitors import Monitor
+from zeromethod.resources import resource
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.save import save_values
 
@@ -58,11 +59,11 @@ REFUSALS = [
     ("walk", "No such command 'walk'"),
     ("run --colour red", "--colour"),
     ("run --rig nowhere.toml", "nowhere.toml"),
-    ("run --rig nothing", "--rig: \"nothing\": a file, or one of the packaged cylinder, dome, paper"),
+    ("run --rig nothing", "--rig: \"nothing\": a file, or one of the packaged contactless, cylinder"),
     ("run --rig calibrations", "\"calibrations\": a folder: give the file in it: calibrations/my/b/rig.toml"),
     ("check --rig calibrations/my/a", "a folder: give the file in it: calibrations/my/a/rig.toml"),
-    ("run --scenario nothing", "--scenario: nothing: a press file (.toml), or one of ball, bars, cone"),
-    ("virtual-bench --scenario nothing", "--scenario: nothing: a press file (.toml), or one of ball"),
+    ("run --scenario nothing", "--scenario: nothing: a press file (.toml), or one of approach, ball"),
+    ("virtual-bench --scenario nothing", "--scenario: nothing: a press file (.toml), or one of approach"),
     ("run --rig jelly.toml", 'rubber.support: "jelly": one of "bonded", "sliding", "free", or a table of'),
     ("run --gain 2", "--gain: 2: a number above 0, at most 1"),
     ("run --frames 0", "--frames: 0: a whole number from 1"),
@@ -77,6 +78,11 @@ REFUSALS = [
     ("check --rig printed", "rig 'printed': control.controller: 'passive': a pattern that stays cannot"),
     ("run --passive --fine", "--passive and --fine: give one of them: a passive run has no loop"),
     ("design --pattern print.jpg", "--pattern: print.jpg: the file name must end in .png"),
+    ("run --watch-camera 1", "--watch-camera: '1': rig 'simulated' has no table [watch]; allowed: with"),
+    ("run --rig contactless --watch-camera nowhere", "--watch-camera: 'nowhere': allowed: an index (0)"),
+    ("run --rig contactless --watch-camera 1", "watch.driver: 'opencv': camera and watch camera are both"),
+    ("run --rig contactless --watch-camera 1 --simulate", "--simulate and --watch-camera: give one of"),
+    ("run --rig odd.toml", "watch.columns: 321: an even number: two views side by side"),
     ("run --controller magic", "--controller: 'magic' is not one of 'composition', 'integrator'."),
     ("run --figure run.jpeg", "--figure: run.jpeg: the file name must end in .png"),
     ("run --summary no/such/folder/run.json", "--summary: no/such/folder/run.json: the folder "),
@@ -282,7 +288,7 @@ REFUSALS = [
     ("init my.txt", "must end in .toml"),
     ("init no/my.toml", "does not exist"),
     ("init my.toml --lens 900", "--lens"),
-    ("init my.toml --from nothing", "--from: \"nothing\": a file, or one of the packaged cylinder"),
+    ("init my.toml --from nothing", "--from: \"nothing\": a file, or one of the packaged contactless"),
     ("calibrate fringes --shifts 6 --panel 64 48 --output x", "--periods"),
     (f"{FRINGES} --output x", "--rig and --panel: give one of them: the size of the LCD\n"),
     (f"{FRINGES} --rig simulated --panel 64 48 --output x", "--rig and --panel: give one of them"),
@@ -329,6 +335,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     save_values(small, {"camera.driver": "opencv", "camera.source": 0}, folder / "opencv.toml")
     text = small.read_text()
     (folder / "jelly.toml").write_text(text.replace('support = "free"', 'support = "jelly"'))
+    watched = resource("calibration", "rigs", "contactless.toml").read_text()
+    (folder / "odd.toml").write_text(watched.replace("columns = 320 ", "columns = 321 "))
     (folder / "lit.toml").write_text(text + '\n[light]\nsource = "lamp"\n')
     for name, line in (
         ("ring", "ring_mm = [30.0, 20.0]"),

@@ -1,7 +1,7 @@
 import pytest
 
 from zeromethod import InputError, load_rig
-from zeromethod.devices.addresses import camera_driver, with_camera
+from zeromethod.devices.addresses import camera_driver, with_camera, with_watch_camera
 
 RIG = load_rig("simulated")
 
@@ -52,3 +52,12 @@ def test_options_stay_with_their_driver():
     here = with_camera(RIG, "0", {"lost_after_s": 3.0})
     assert with_camera(here, "tcp://a:1").camera.model_extra == {"source": "tcp://a:1", "lost_after_s": 3.0}
     assert with_camera(here, "pylon").camera.model_extra == {}
+
+
+def test_a_watch_camera_is_named_as_a_camera_is_and_keeps_its_pose():
+    rig = load_rig("contactless")
+    watch = with_watch_camera(rig, "pylon:3").watch
+    assert (watch.driver, watch.model_extra) == ("pylon", {"serial": "3"})
+    assert watch.position_mm == rig.watch.position_mm
+    with pytest.raises(InputError, match=r"--watch-camera: '0': rig 'simulated' has no table \[watch\]"):
+        with_watch_camera(RIG, "0")

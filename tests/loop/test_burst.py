@@ -7,13 +7,17 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from benchmarks.rigs import VIEW_MIDDLE_MM, changed, opened, pressed
+from benchmarks.rigs import VIEW_MIDDLE_MM, changed, opened, pressed, small_rig
 from zeromethod import Recording, Session, State, load_rig, open_devices
+from zeromethod.loop.burst import Burst, Read
 from zeromethod.loop.events import Event
+from zeromethod.optics import Dented, Optics
 from zeromethod.pattern.coded import PICTURES
 from zeromethod.session.replay.from_frames import replay_from_frames
 from zeromethod.session.replay.window import Window
+from zeromethod.warp.rest import Rest
 from zeromethod.warp.validity import Flag
+from zeromethod.warp.warp import Warp
 
 PRESS_S, FRAMES = 0.1, 110
 DEPTH_MM, SIZE_MM = 0.05, 1.0
@@ -39,10 +43,21 @@ def file(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def run(file):
-    """Steps of a run."""
+def bench(file):
+    """Steps of a run; how far the pixels that its burst read truly are from there, LCD px."""
     with steep() as rig, open_devices(rig) as devices, Session(rig, devices=devices, record=file) as session:
-        return list(session.run(frames=FRAMES))
+        steps = list(session.run(frames=FRAMES))
+        read, mirror = session.loop.burst_read, devices.camera.truth(steps[-1].time_ns)
+        v, u = np.mgrid[: read.known.shape[0], : read.known.shape[1]].astype(float)
+        optics = Optics(rig)
+        true_q = optics.trace(u + read.left, v + read.top, Dented(optics.rest, mirror)).q
+    return steps, np.abs(read.places - true_q).max(axis=-1)[read.known]
+
+
+@pytest.fixture(scope="module")
+def run(bench):
+    """Steps of a run."""
+    return bench[0]
 
 
 def test_a_dent_that_folds_is_read_within_a_percent_and_the_loop_locks(run):
@@ -59,6 +74,33 @@ def test_the_rest_stays_nulled_during_the_burst(run):
     # two or three frames for each picture, so that one exposure sees it alone
     assert 2 * PICTURES <= len(burst) <= 4 * PICTURES
     assert np.median(burst) < 1.1 * np.median(before)
+
+
+def test_no_pixel_is_read_a_whole_lcd_pixel_off(bench):
+    """Those that look at the end of the fringes, and at the picture beside them, would be: 1.2 px."""
+    assert len(bench[1]) > 40_000
+    assert bench[1].max() < 1.0
+
+
+def test_a_node_beside_what_was_read_counts_by_it_only_where_it_fails():
+    rig = small_rig()
+    rest = Rest.of(rig, Optics(rig))
+    nodes = {name: np.zeros(rest.flags.shape, np.bool_) for name in ("mask", "spare", "region", "ring")}
+    nodes["mask"][15:20, 15:20] = nodes["spare"][15:20, 20:22] = nodes["ring"][8:10, 12:26] = True
+    burst = Burst(rest, 0.0, always=False)
+    pixels = {"places": np.zeros((1, 1, 2)), "known": np.zeros((1, 1), np.bool_), "top": 0, "left": 0}
+    read = rest.q + 1.0, np.full_like(rest.q, 0.02)
+    burst.read = Read(*read, **nodes, ring_q=rest.q, **pixels, time_ns=0)
+    warp = Warp(rest.q.copy(), np.full_like(rest.q, 0.01), np.zeros_like(rest.flags), 1)
+    warp.flags[nodes["mask"]] = np.uint16(Flag.FOLDED)
+    warp.flags[15:20, 15:17] = 0
+    warp.q[15:20, 15:17] += 1.0
+    warp.flags[16, 20] = np.uint16(Flag.LIGHT_LOST)
+    merged = burst.merge(warp)
+    assert np.array_equal(np.argwhere(merged & ~nodes["mask"]), [[16, 20]])
+    assert np.allclose(warp.q[16, 20], rest.q[16, 20] + 1.0)
+    assert np.allclose(warp.q[17, 20], rest.q[17, 20])
+    assert warp.valid[16, 20]
 
 
 def test_meanwhile_nothing_is_called_known_that_is_not(run):

@@ -52,6 +52,16 @@ def test_some_steps_mean_the_same_in_any_state(state, step, after, reason):
     assert next_status(Status(state, "", LOCK_FRAMES), step) == Status(after, reason, 0)
 
 
+def test_what_comes_shows_once_the_loop_is_nulled_and_until_it_touches():
+    coming = replace(AT_REST, coming="touch expected")
+    assert follow(NULLING, 0, coming, coming, coming, LOUD) == [NULLING, NULLING, State.APPROACH, NULLING]
+    assert follow(State.APPROACH, LOCK_FRAMES, AT_REST, coming) == [RESTING, State.APPROACH]
+    moved = replace(coming, doubt=Doubt(State.MOVED, "why"))
+    assert follow(State.APPROACH, LOCK_FRAMES, moved) == [State.MOVED]
+    passive = replace(coming, passive=True)
+    assert follow(State.PASSIVE, LOCK_FRAMES, passive) == [State.APPROACH]
+
+
 @pytest.mark.parametrize("state", [State.MOVED, State.UNCALIBRATED])
 @pytest.mark.parametrize("at_rest", [False, True])
 def test_a_doubt_takes_the_place_of_locked_and_resting_until_it_is_gone(state, at_rest):

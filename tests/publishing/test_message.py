@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from zeromethod import Peak, State
+from zeromethod.approach import Approach, Watching
 from zeromethod.contact import Contact, Probability
 from zeromethod.publishing import ContactEvent
 from zeromethod.publishing.message import encode
@@ -52,6 +53,19 @@ def test_a_step_without_a_reading_has_its_state_and_has_no_maps():
     assert header["frame"] is None
     assert header["residual_rms_px"] is None  # NaN, which JSON has not
     assert not maps
+
+
+def test_what_comes_has_its_time_and_place():
+    coming = Approach(watching=Watching.COMING, time_ns=5, contact_s=0.25, x_mm=61.0, y_mm=2.0)
+    header, _ = message(a_step(3, approach=coming))
+    found = header["approach"]
+    assert (found["watching"], found["contact_s"], found["x_mm"], found["diameter_mm"]) == (
+        "coming",
+        0.25,
+        61.0,
+        None,
+    )
+    assert message(a_step(3))[0]["approach"] is None
 
 
 def test_what_touches_has_its_border_and_figures():

@@ -34,6 +34,7 @@ from zeromethod.cli.recording_options import RecordingOptions, recording_options
 from zeromethod.cli.starting import Starting
 from zeromethod.cli.stopping import stopped_by_signals
 from zeromethod.devices.abilities import exposure_setter_of
+from zeromethod.devices.addresses import with_watch_camera
 from zeromethod.devices.opening import open_devices
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.loop.state import State
@@ -70,6 +71,12 @@ _STRIPS = {True: "edges", False: "none", None: None}
     type=Real(-1, 10),
     metavar="S",
     help="Delay of display and camera, as `devices --delay` measures it.",
+)
+@click.option(
+    "--watch-camera",
+    "watch_address",
+    metavar="ADDRESS",
+    help="The rig's second camera, which sees what comes: as for --camera.",
 )
 @click.option("--publish", metavar="ADDRESS", help="Publish every reading: tcp://127.0.0.1:5556.")
 @recording_options
@@ -109,6 +116,7 @@ def run_command(
     rig_name: str,
     strips: bool | None,
     latency_s: float | None,
+    watch_address: str | None,
     publish: str | None,
     view: str | None,
     control: str | None,
@@ -148,9 +156,10 @@ def run_command(
         _check_passive(by, given_options(click.get_current_context()))
         if options.address is not None and options.monitor is None:
             rig = without_display(rig)
+    rig = with_watch_camera(rig, watch_address)
     if simulate:
-        if options.given:
-            raise InputError(f"--simulate and {options.given[0]}: give one of them, not both")
+        if given := (*options.given, *(["--watch-camera"] if watch_address else [])):
+            raise InputError(f"--simulate and {given[0]}: give one of them, not both")
         rig = simulated_clone(rig)
     rig = with_given(
         with_devices(rig, options, passive=passive),

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from zeromethod.errors import InputError
-from zeromethod.rig.model import Rig
+from zeromethod.rig.model import CameraSpec, Rig
 
 ALLOWED = (
     "an index (0), a URL (tcp://, http://, rtsp://), a video file, pylon[:serial], aravis[:address], "
@@ -21,7 +21,7 @@ _URL = re.compile(r"[a-z][a-z0-9+.-]*://.", re.IGNORECASE)
 _IMPORT_PATH = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*")
 
 
-def camera_driver(address: str) -> tuple[str, dict[str, Any]]:
+def camera_driver(address: str, option: str = "--camera") -> tuple[str, dict[str, Any]]:
     """Driver of an address and the option by which that driver finds the camera.
 
     Raises InputError, one line with what is allowed. Whether the camera is there shows when it is opened.
@@ -37,7 +37,7 @@ def camera_driver(address: str) -> tuple[str, dict[str, Any]]:
         return "opencv", {"source": address}
     if _IMPORT_PATH.fullmatch(address) or address in entry_points(group="zeromethod.cameras").names:
         return address, {}
-    raise InputError(f"--camera: {address!r}: allowed: {ALLOWED}")
+    raise InputError(f"{option}: {address!r}: allowed: {ALLOWED}")
 
 
 def with_camera(rig: Rig, address: str, settings: Mapping[str, Any] | None = None) -> Rig:
@@ -47,10 +47,28 @@ def with_camera(rig: Rig, address: str, settings: Mapping[str, Any] | None = Non
     that is not allowed.
     """
     driver, options = camera_driver(address)
-    camera = rig.camera
-    own = (camera.model_extra or {}) if camera.driver == driver else {}
-    values = camera.given() | own | {"driver": driver} | options | dict(settings or {})
+    return _with_device(rig, "camera", rig.camera, {"driver": driver} | options | dict(settings or {}))
+
+
+def with_watch_camera(rig: Rig, address: str | None) -> Rig:
+    """Rig whose watch camera is the one at `address`; as it is for None.
+
+    Raises InputError (one line) for an address that is not allowed, or a rig without a watch camera.
+    """
+    if address is None:
+        return rig
+    if rig.watch is None:
+        raise InputError(
+            f"--watch-camera: {address!r}: rig {rig.name!r} has no table [watch]; allowed: with a rig that "
+            "says where a watch camera is (contactless)"
+        )
+    driver, options = camera_driver(address, "--watch-camera")
+    return _with_device(rig, "watch", rig.watch, {"driver": driver} | options)
+
+
+def _with_device(rig: Rig, table: str, spec: CameraSpec, given: Mapping[str, Any]) -> Rig:
+    own = (spec.model_extra or {}) if spec.driver == given["driver"] else {}
     try:
-        return rig.replace(camera=values)
+        return rig.replace({table: spec.given() | own | dict(given)})
     except InputError as error:
         raise InputError(str(error).removeprefix("rig: ")) from None

@@ -213,24 +213,29 @@ def open_devices(rig: Rig, clock: Clock | None = None) -> Devices:
     context = {"rig": rig, "clock": clock}
     display = cast(Display, _open("display", rig.display, display_factory, context))
 
-    def open_camera() -> Camera:
-        camera = cast(Camera, _open("camera", rig.camera, camera_factory, context | {"display": display}))
-        try:
-            _check_camera(camera, rig.camera)
-        except BaseException:
-            camera.close()
-            raise
-        return camera
+    def reopen_camera() -> Camera:
+        return open_camera(rig.camera, camera_factory, context | {"display": display})
 
     try:
         _check_display(display, rig.display)
         camera = (
-            _within(OPENING_S, open_camera, rig.camera) if isinstance(clock, HostClock) else open_camera()
+            _within(OPENING_S, reopen_camera, rig.camera) if isinstance(clock, HostClock) else reopen_camera()
         )
     except BaseException:
         display.close()
         raise
-    return Devices(camera, display, clock, open_camera)
+    return Devices(camera, display, clock, reopen_camera)
+
+
+def open_camera(spec: CameraSpec, factory: Factory, context: dict[str, Any]) -> Camera:
+    """Open a camera by its table; context: what its driver may name besides. Raises InputError."""
+    camera = cast(Camera, _open("camera", spec, factory, context))
+    try:
+        _check_camera(camera, spec)
+    except BaseException:
+        camera.close()
+        raise
+    return camera
 
 
 def _within(timeout_s: float, open_camera: Callable[[], Camera], spec: CameraSpec) -> Camera:

@@ -17,7 +17,7 @@ import numpy as np
 from zeromethod.arrays import Float, Image, Mask, Single
 from zeromethod.decoding.burst import RADIUS_PX, moves, node_places, pixel_places
 from zeromethod.exposure.pairing import Observation
-from zeromethod.loop.failing_nodes import REACH_NODES, FailingNodes, grown
+from zeromethod.loop.failing_nodes import CANNOT, REACH_NODES, FailingNodes, grown
 from zeromethod.loop.node_figures import quiet_share
 from zeromethod.pattern.coded import MOST_PARTS, PICTURES, SHIFTS, Coded
 from zeromethod.sensing.residual import Residual
@@ -48,11 +48,17 @@ CARRIED = 3.0
 RING_NODES = 4
 """Nodes around those that are read that are watched."""
 
+SPARE_NODES = 3
+"""Nodes around that are read, too, as they see fringes: some may fail once what was read is drawn."""
+
 BLIND_NODES = 2
 """A node this close to one that sees fringes has them in its window."""
 
 MARGIN_LCD_PX, MARGIN_SHARE = 8.0, 0.25
 """By how much a part of the LCD is larger than its nodes are thought to see: and by displacement."""
+
+EDGE_LCD_PX = 4.0
+"""A pixel that looks so close to the end of a part may see the picture beside it, too: 2 LCD px off."""
 
 HELD_LCD_PX = 0.03
 """What a node that sees fringes, and was known before, may have moved by since, with all others at rest."""
@@ -63,21 +69,23 @@ _ALL = 0.999
 _PURE = 5e-3
 """Most light of another picture in an exposure that saw one alone."""
 
-_CODED = np.uint16(Flag.CODED)
+_CANNOT, _CODED = np.uint16(CANNOT), np.uint16(Flag.CODED)
 
 
 @dataclass(frozen=True, slots=True)
 class Read:
     """What a burst read.
 
-    q, sigma: (rows, cols, 2) LCD px. mask: nodes read, of those in the region. ring, ring_q: nodes around
-    that are watched. places, known: (h, w, 2) LCD px of single pixels, and which were read, from the image's
-    row `top` and column `left` on. time_ns: of the last picture.
+    q, sigma: (rows, cols, 2) LCD px. mask: nodes that count by it. spare: nodes around these that do where
+    they fail. region: nodes that wait for no other burst. ring, ring_q: nodes around that are watched.
+    places, known: (h, w, 2) LCD px of single pixels, and which were read, from the image's row `top` and
+    column `left` on. time_ns: of the last picture.
     """
 
     q: Float
     sigma: Float
     mask: Mask
+    spare: Mask
     region: Mask
     ring: Mask
     ring_q: Float
@@ -106,11 +114,9 @@ class _Running:
             margin = MARGIN_LCD_PX + MARGIN_SHARE * float(np.abs(moved).max())
             parts.append([*(seen.min(axis=0) - margin), *(seen.max(axis=0) + margin)])
         self.parts: Float = np.array(parts)
-        inside: Mask = np.zeros_like(region)
-        for part in self.parts:
-            inside |= np.logical_and(thought >= part[:2], thought <= part[2:]).all(axis=-1)
-        self.blind: Mask = grown(inside, BLIND_NODES) | self.region
-        self.nodes = np.argwhere(self.region)
+        self.blind: Mask = grown(self._inside(thought, 0.0), BLIND_NODES) | self.region
+        self.spare: Mask = grown(self.region, SPARE_NODES) & self.blind & grid.measurable & ~self.region
+        self.nodes = np.argwhere(self.region | self.spare)
         rows, columns = grid.v_px[self.nodes[:, 0]].astype(int), grid.u_px[self.nodes[:, 1]].astype(int)
         self.top, self.left = max(int(rows.min()) - RADIUS_PX, 0), max(int(columns.min()) - RADIUS_PX, 0)
         self.bottom, self.right = int(rows.max()) + RADIUS_PX + 1, int(columns.max()) + RADIUS_PX + 1
@@ -119,6 +125,14 @@ class _Running:
         self._sum, self._count = np.zeros_like(thought), np.zeros(thought.shape[:2], np.int64)
         self._rest = rest
         self.since_ns = measured.time_ns
+
+    def _inside(self, q: Float, margin_lcd_px: float) -> Mask:
+        """Which places (..., 2) LCD px lie in a part, by so much from its ends."""
+        inside: Mask = np.zeros(q.shape[:-1], np.bool_)
+        for part in self.parts:
+            low, high = part[:2] + margin_lcd_px, part[2:] - margin_lcd_px
+            inside |= np.logical_and(q >= low, q <= high).all(axis=-1)
+        return inside
 
     @property
     def coded(self) -> Coded:
@@ -149,14 +163,17 @@ class _Running:
         near = cv2.remap(self.known.astype(np.float32), column, row, cv2.INTER_LINEAR)
         stack, sure = np.stack(self.pictures), near > _ALL
         places, known = pixel_places(stack, black_grey, thought.astype(np.float64), sure)
+        known &= self._inside(places, EDGE_LCD_PX)
         found, off = node_places(places, known, self.pixels)
         q, sigma = np.full_like(self.thought, np.nan), np.full_like(self.thought, np.inf)
         rows, columns = self.nodes.T
         q[rows, columns], sigma[rows, columns] = found, off
-        mask: Mask = np.isfinite(q[..., 0])
+        known_at: Mask = np.isfinite(q[..., 0])
+        mask, spare = known_at & self.region, known_at & self.spare
         ring: Mask = grown(self.blind, RING_NODES) & ~self.blind & (self._count >= PICTURES // 2)
         ring_q = self._sum / np.maximum(self._count, 1)[..., None]
-        return Read(q, sigma, mask, self.region, ring, ring_q, places, known, self.top, self.left, time_ns)
+        nodes = mask, spare, self.region | spare, ring
+        return Read(q, sigma, *nodes, ring_q, places, known, self.top, self.left, time_ns)
 
 
 class Burst:
@@ -175,6 +192,8 @@ class Burst:
         """What the last one read, until the mirror moves."""
         self.unread = False
         """Whether nodes wait for a burst that none has read, or one is under way for them."""
+        self.waits = False
+        """Whether none may begin, and one under way ends: something is about to touch."""
         self._shown: dict[int, int | None] = {}
 
     @property
@@ -213,7 +232,7 @@ class Burst:
             self._blinding = None
             return self._needed(residual, measured, thought)
         late = measured.time_ns - running.since_ns > 1e9 * LONGEST_S
-        if late or not self._at_rest(measured, thought, running.blind):
+        if late or self.waits or not self._at_rest(measured, thought, running.blind):
             self._running, self._quiet = None, -BROKEN_FRAMES
             return True
         running.watch(measured)
@@ -247,7 +266,7 @@ class Burst:
         wanted = need if again else new
         if not self._always:
             wanted = wanted & self._failing.lasting
-        if np.count_nonzero(wanted) < LEAST_NODES or self._quiet < QUIET_FRAMES:
+        if np.count_nonzero(wanted) < LEAST_NODES or self._quiet < QUIET_FRAMES or self.waits:
             return False
         self.unread = unread
         self._running = self._blinding = _Running(self._rest, need, thought, measured)
@@ -271,10 +290,11 @@ class Burst:
             self.read = None
             self._failing.forget()
             return None
-        measured.q[read.mask] = read.q[read.mask]
-        measured.sigma[read.mask] = np.sqrt(read.sigma[read.mask] ** 2 + CARRIED**2 * moved2)
-        measured.flags[read.mask] = 0
-        return read.mask
+        nodes = read.mask | (read.spare & (measured.flags & _CANNOT != 0))
+        measured.q[nodes] = read.q[nodes]
+        measured.sigma[nodes] = np.sqrt(read.sigma[nodes] ** 2 + CARRIED**2 * moved2)
+        measured.flags[nodes] = 0
+        return nodes
 
     def _hold(self, burst: _Running, measured: Warp) -> Mask:
         """Keep what was known of nodes that see fringes; the others are flagged."""

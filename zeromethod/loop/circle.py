@@ -246,6 +246,11 @@ class Circle:
         coded = (False, False) if burst is None else (burst.blinding, burst.unread)
         return FrameResult(changed, refusal, observation, *seen, order, *coded)
 
+    def expect_touch(self, expected: bool) -> None:
+        """Keep coded pictures away while a touch is expected: its first frame is to be measured."""
+        if self.burst is not None:
+            self.burst.waits = expected
+
     def _expect_light(self, exposure_ns: int) -> None:
         """Hold a frame against the light that its exposure brings."""
         if self._exposure_ns not in (0, exposure_ns):

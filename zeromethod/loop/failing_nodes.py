@@ -43,7 +43,9 @@ REACH_NODES = 3
 GROWS_SHARE = 0.1
 """Share of the nodes that failed for the first time since the mirror is at rest from which more will."""
 
-_CANNOT = int(Flag.MODULATION | Flag.LIGHT_LOST | Flag.FOLDED | Flag.UNDRAWABLE | Flag.AMBIGUOUS)
+CANNOT = int(Flag.MODULATION | Flag.LIGHT_LOST | Flag.FOLDED | Flag.UNDRAWABLE | Flag.AMBIGUOUS)
+"""Of nodes that cannot be nulled."""
+
 _FOR_NOW, _LIGHT_LOST = int(Flag.MIXED | Flag.CODED), np.uint16(Flag.LIGHT_LOST)
 _OFF_DISPLAY = np.uint16(Flag.OFF_DISPLAY)
 _FAR = np.float32(1e6)
@@ -144,7 +146,7 @@ class FailingNodes:
 @numba.njit(cache=True)
 def _cannot(flags: Flags, visible: Mask, never: Mask, out: Mask) -> bool:
     """Nodes that cannot be nulled, of those that are visible and not never to be, in `out`; whether any."""
-    cannot, for_now, none, found = np.uint16(_CANNOT), np.uint16(_FOR_NOW), np.uint16(0), False
+    cannot, for_now, none, found = np.uint16(CANNOT), np.uint16(_FOR_NOW), np.uint16(0), False
     for j in range(flags.shape[0]):
         for i in range(flags.shape[1]):
             fails = (flags[j, i] & cannot != none) & (flags[j, i] & for_now == none)

@@ -24,11 +24,12 @@ def frame_outcome(
     at_rest: Callable[[], bool],
     doubt: Doubt | None,
     passive: bool,
+    coming: str = "",
 ) -> StepOutcome:
     """What became of a frame, for `next_status`.
 
     at_rest: whether the mirror is untouched; asked only where the frame was measured. doubt: why readings
-    must not be trusted. passive: the pattern is never warped.
+    must not be trusted. passive: the pattern is never warped. coming: what is about to touch, in words.
     """
     words = refusal.words if refusal else ""
     if verdict.wrong:
@@ -42,7 +43,7 @@ def frame_outcome(
     blinded = "the camera is blinded: too bright" if Event.SATURATED in events else ""
     unread = (BURST_WORDS if result.coded else BURST_AHEAD) if result.unread else ""
     seen = result.residual_rms_px, result.valid_share, at_rest(), result.covered_share
-    return StepOutcome(Outcome.MEASURED, blinded, *seen, doubt, result.order, unread, passive)
+    return StepOutcome(Outcome.MEASURED, blinded, *seen, doubt, result.order, unread, passive, coming)
 
 
 def frame_figures(frame: Frame, verdict: FrameVerdict, result: FrameResult) -> dict[str, Any]:

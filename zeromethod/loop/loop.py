@@ -92,6 +92,8 @@ class Loop:
         self.status, self.over = Status(), False
         self.doubt: Doubt | None = None
         """Why readings must not be trusted, set by who knows; motion of the bench comes on top."""
+        self.coming = ""
+        """What is about to touch, in words, set by who sees it: no burst begins meanwhile."""
         self.on_wait: Callable[[], None] | None = None
         """Called in the loop's thread once per step, and while one waits: for keys, buttons, windows."""
         self.ended: Step | None = None
@@ -194,9 +196,8 @@ class Loop:
             if self.live:
                 self._garbage = stack.enter_context(PausedGC())
             while not (self.over or self._stop):
-                if frames is not None and taken >= frames:
-                    break
-                if seconds is not None and self._clock.now_ns() - start_ns >= 1e9 * seconds:
+                enough = frames is not None and taken >= frames
+                if enough or (seconds is not None and self._clock.now_ns() - start_ns >= 1e9 * seconds):
                     break
                 step = self.step()
                 taken += step.frame_number is not None
@@ -254,6 +255,7 @@ class Loop:
         frame = self._check.timed(frame)
         now_ns, frozen = self._clock.now_ns(), self._frozen or self.paused
         verdict = self._check.look_at(frame, now_ns, self._watch.stale)
+        self._circle.expect_touch(bool(self.coming))
         result = FrameResult() if verdict.refusal else self._circle.take(own(frame), frozen)
         loop_ms = 1e3 * (time.perf_counter() - started)
         events, refusal = verdict.events, verdict.refusal
@@ -266,7 +268,7 @@ class Loop:
             events += (Event.BURST,)
             self._notices.add(Notice(Event.BURST, BURST_WORDS))
         state = self.paused, partial(self._at_rest, result), self.bench.doubt or self.doubt, self._passive
-        outcome = frame_outcome(verdict, result, refusal, events, *state)
+        outcome = frame_outcome(verdict, result, refusal, events, *state, self.coming)
         self.over |= verdict.wrong and self._check.wrong_frames >= WRONG_FRAMES_TO_END
         if trouble is not None:
             events += trouble.events
@@ -308,8 +310,7 @@ class Loop:
 
     def _show(self, result: FrameResult, refusal: Notice | None, frozen: bool, now_ns: int) -> Trouble | None:
         """Have the command drawn; what went wrong, where something did."""
-        dwell = self._screen.dwell
-        if dwell is not None and not frozen:
+        if (dwell := self._screen.dwell) is not None and not frozen:
             dwell.note(refusal is not None, result.residual_rms_px)
         try:
             self._screen.offer(result.changed, frozen, now_ns)
@@ -330,8 +331,7 @@ class Loop:
         for notice in self._watch.look(self._clock.now_ns()):
             events += (notice.event,)
             self._notices.add(notice)
-        if self._start_ns is None:
-            self._start_ns = time_ns
+        self._start_ns = time_ns if self._start_ns is None else self._start_ns
         return Step(
             number=self._steps,
             time_ns=time_ns,

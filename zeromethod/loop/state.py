@@ -4,11 +4,12 @@
                                   ^                                       |                     |
                                   +--------------- residual large --------+---------------------+
 
-    LOCKED, RESTING --nulled, but its readings must not be trusted--> UNCALIBRATED, MOVED, and back
+    LOCKED, RESTING --a watch camera sees something come--> APPROACH, and back when it touches or goes
+    LOCKED, RESTING, APPROACH --nulled, but its readings must not be trusted--> UNCALIBRATED, MOVED, and back
     STARTING, PASSIVE, RESTING --of a pattern that is never warped--> PASSIVE <--at rest?--> RESTING
-    any of these eight --no usable new information--> HOLDING (STARTING keeps its name; the warp stays)
-    any of these nine   --most of the reflection gone--> COVERED; --few nodes still valid--> LOST
-    any of these eleven --asked to pause--> PAUSED (frames are measured, the warp stays) until resumed
+    any of these nine --no usable new information--> HOLDING (STARTING keeps its name; the warp stays)
+    any of these ten    --most of the reflection gone--> COVERED; --few nodes still valid--> LOST
+    any of these twelve --asked to pause--> PAUSED (frames are measured, the warp stays) until resumed
     any              --device lost, wrong frame, stalled--> FAULT
     HOLDING, COVERED, LOST, FAULT --usable frame--> any of NULLING ... MOVED, COVERED or LOST, by its figures
     any              --asked to stop--> STOPPED --run again--> STARTING
@@ -45,6 +46,7 @@ class State(enum.StrEnum):
     RESTING = "resting"
     NULLING = "nulling"
     LOCKED = "locked"
+    APPROACH = "approach"
     PASSIVE = "passive"
     UNCALIBRATED = "not calibrated"
     MOVED = "bench moved"
@@ -56,7 +58,7 @@ class State(enum.StrEnum):
     STOPPED = "stopped"
 
 
-NULLED = frozenset({State.LOCKED, State.RESTING})
+NULLED = frozenset({State.LOCKED, State.RESTING, State.APPROACH})
 """States in which the camera sees the target: a reading of a held press counts."""
 
 GOOD = NULLED | {State.PASSIVE}
@@ -94,7 +96,7 @@ class StepOutcome:
     """What one step came to. The figures count only when it was measured; `reason` explains the others.
 
     order: of the carrier, known or not. unread: what is done about nodes that no picture can null. passive:
-    the pattern is never warped, so that the residual is what is measured.
+    the pattern is never warped, so that the residual is what is measured. coming: of what is about to touch.
     """
 
     outcome: Outcome
@@ -107,6 +109,7 @@ class StepOutcome:
     order: Order = Order.KNOWN
     unread: str = ""
     passive: bool = False
+    coming: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,6 +167,8 @@ def _nulled(previous: Status, step: StepOutcome) -> Status:
         return Status(State.NULLING, f"nulled for {nulled} of {LOCK_FRAMES} frames", nulled)
     if step.doubt is not None:
         return Status(*step.doubt, nulled)
+    if step.coming:
+        return Status(State.APPROACH, step.coming, nulled)
     if step.at_rest:
         return Status(State.RESTING, "nulled, no displacement seen", nulled)
     return Status(State.LOCKED, "nulled", nulled)
@@ -174,6 +179,8 @@ def _passive(previous: Status, step: StepOutcome) -> Status:
     nulled = previous.nulled_frames + 1 if step.residual_rms_px < LOCK_RESIDUAL_PX else 0
     if step.doubt is not None:
         return Status(*step.doubt, nulled)
+    if step.coming and nulled >= LOCK_FRAMES:
+        return Status(State.APPROACH, step.coming, nulled)
     if nulled >= LOCK_FRAMES and step.at_rest:
         return Status(State.RESTING, "no displacement seen", nulled)
     return Status(State.PASSIVE, "an open loop: the pattern is not warped", nulled)

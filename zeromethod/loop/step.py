@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields
 
+from zeromethod.approach.approach import Approach
 from zeromethod.arrays import Float, Image
 from zeromethod.contact import Contact, ContactFigures
 from zeromethod.exposure.target_phase import TargetPhase
@@ -41,6 +42,7 @@ class StepFigures:
     read and published, in real time; NaN in simulated time, which stands still meanwhile.
     touching: what touches the mirror in this frame, where it was read. total_force_n: sum of their forces, N,
     with its standard deviation; NaN where none is known.
+    approach: what a watch camera sees come; None for a rig without one, and for the step that ends a run.
     truth: the reading compared with the true mirror of a simulated bench.
     untouched_rms_nm: rms depth (single frame, controller's filter) while nothing touches a simulated bench.
     """
@@ -72,6 +74,7 @@ class StepFigures:
     touching: tuple[ContactFigures, ...] = ()
     total_force_n: float = NAN
     sigma_total_force_n: float = NAN
+    approach: Approach | None = None
     truth: Comparison | None = None
     untouched_rms_nm: tuple[float, float] | None = None
 

@@ -9,6 +9,7 @@ ADVICE = {
     State.RESTING: "",
     State.NULLING: "",
     State.LOCKED: "",
+    State.APPROACH: "",
     State.PASSIVE: "",
     State.UNCALIBRATED: "Depth is relative. Run zeromethod calibrate to have millimetres.",
     State.MOVED: "Fasten what moved, clear the mirror, then take a zero (z), or calibrate again.",

@@ -15,6 +15,7 @@ import numpy as np
 from zeromethod.commissioning.light_advice import FLICKER_SHARE, SATURATED_SHARE, advised_exposure_s
 from zeromethod.commissioning.setting_up import Flicker
 from zeromethod.loop.events import Event
+from zeromethod.loop.state import State
 from zeromethod.loop.step import Step
 from zeromethod.operating.controls import Controls
 from zeromethod.rig.model import Rig
@@ -53,6 +54,8 @@ class AutoExposure:
     def see(self, step: Step) -> None:
         """Take in the newest step, and change the exposure of later frames where that is due."""
         if step.image is None or not step.exposure_ns or Event.BURST in step.events:
+            return
+        if step.state is State.APPROACH:  # the first frame after the touch is to be exposed as those before
             return
         if step.exposure_ns != self._exposure_ns:
             self._exposure_ns, self._since_ns = step.exposure_ns, step.time_ns

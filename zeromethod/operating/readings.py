@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from zeromethod.approach import Approach, Watching
 from zeromethod.loop.state import State
 from zeromethod.loop.step import Step
 from zeromethod.operating.advice import ADVICE, FRESH, LATE_S, doubt_of
@@ -49,6 +50,19 @@ def median_sigma_um(surface: Surface) -> float | None:
     """Standard deviation of depth, median over some of the valid nodes, µm."""
     sigma_mm = surface.sigma_depth_mm[::4, ::4][surface.valid[::4, ::4]]
     return number(1e3 * float(np.median(sigma_mm))) if sigma_mm.size else None
+
+
+def approach_values(approach: Approach | None) -> dict[str, Any]:
+    """Values of what comes; time and place are None where nothing is about to touch."""
+    coming = approach if approach is not None and approach.armed else Approach(watching=Watching.CLEAR)
+    return {
+        "approach": "" if approach is None else approach.words,
+        "contact_s": number(coming.contact_s),
+        "contact_sigma_s": number(coming.sigma_contact_s),
+        "contact_x_mm": number(coming.x_mm),
+        "contact_y_mm": number(coming.y_mm),
+        "contact_sigma_mm": number(max(coming.sigma_x_mm, coming.sigma_y_mm)),
+    }
 
 
 class Readings:
@@ -181,6 +195,7 @@ class Readings:
             **self._fixed,
             **self._peak,
             **self._frame,
+            **approach_values(None if step is None else step.approach),
             "advice": ADVICE[state],
             "fresh": state in FRESH and (late_s or 0.0) <= LATE_S,
             "doubt": doubt,

@@ -6,13 +6,14 @@ from typing import Any
 
 import numpy as np
 
+from zeromethod.approach import Approach, Watching
 from zeromethod.arrays import Float
 from zeromethod.operating.advice import ADVICE, FRESH, LATE_S, doubt_of
 from zeromethod.operating.fine_doubt import Spoiled
 from zeromethod.operating.lasting import LastingState
 from zeromethod.operating.player import Player
 from zeromethod.operating.rates import Rate
-from zeromethod.operating.readings import history_row, median_sigma_um, number
+from zeromethod.operating.readings import approach_values, history_row, median_sigma_um, number
 from zeromethod.page.fine_maps import FineMaps
 from zeromethod.page.message import Content, Said
 from zeromethod.page.run_content import lattice_of, residual_maps, surface_maps
@@ -39,6 +40,7 @@ class ReplayContent:
         self._start_ns = int(self.steps["time_ns"][0])
         self.times_s = 1e-9 * (self.steps["time_ns"] - self._start_ns)
         self._peaks, self._contacts = recording.peaks, recording.contacts
+        self._approaches = recording.tables.approaches()
         self._surfaces = recording.steps_with("surface")
         self._fine_steps, peaks = recording.steps_with("fine"), recording.fine_peaks
         self._fine_peaks = peaks[np.isin(peaks["step"], self._fine_steps)]
@@ -131,6 +133,7 @@ class ReplayContent:
             "advice": ADVICE[state],
             "fresh": state in FRESH and (late_s or 0.0) <= LATE_S,
             "doubt": doubt,
+            **approach_values(self._approach_at(int(row["number"]))),
             **fine,
             "fine_doubt": self._spoiled[index].doubt(doubt, fine["fine_time_s"], now_s),
             "phase": Recording.text(row["phase"]),
@@ -151,6 +154,18 @@ class ReplayContent:
             "playing": self._player.playing,
             "speed": self._player.speed,
         }
+
+    def _approach_at(self, step: int) -> Approach | None:
+        index = int(np.searchsorted(self._approaches["step"], step, side="right")) - 1
+        if index < 0:
+            return None
+        row = self._approaches[index]
+        known: dict[str, Any] = {
+            name: float(row[name]) for name in row.dtype.names if name.endswith(("_mm", "_s"))
+        }
+        return Approach(
+            watching=Watching(Recording.text(row["watching"])), time_ns=int(row["time_ns"]), **known
+        )
 
     def _peak_at(self, step: int) -> dict[str, Any]:
         index = int(np.searchsorted(self._peaks["step"], step, side="right")) - 1

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from zeromethod.approach import Approach
 from zeromethod.arrays import Image
 from zeromethod.contact import Contact
 from zeromethod.loop.step import Step
@@ -86,6 +87,7 @@ def encode(
         "in_contact": [_area(contact) for contact in step.contacts],
         "total_force_n": _number(step.total_force_n),
         "sigma_total_force_n": _number(step.sigma_total_force_n),
+        "approach": None if step.approach is None else _approach(step.approach),
         "arrays": described,
     }
     text = json.dumps(header, allow_nan=False).encode()
@@ -101,6 +103,11 @@ def _peak(peak: Peak) -> dict[str, float | str | None]:
     sigmas = {"depth": peak.sigma_mm, "x": peak.sigma_x_mm, "y": peak.sigma_y_mm}
     stated = {f"{name}_sigma_mm": _number(sigma) for name, sigma in sigmas.items()}
     return {**numbers, **stated, "where": peak.where.value}
+
+
+def _approach(approach: Approach) -> dict[str, Any]:
+    figures = asdict(approach)
+    return {name: _number(one) if isinstance(one, float) else one for name, one in figures.items()}
 
 
 def _area(contact: Contact) -> dict[str, Any]:

@@ -33,9 +33,10 @@ KINDS = {
     "presentation_log": ("row of the presentation log", "rows of the presentation log"),
     "drops": ("drop's row", "drops' rows"),
     "notes": ("note", "notes"),
+    "approaches": ("row of what comes", "rows of what comes"),
     "calls": ("call's row", "calls' rows"),
 }
-"""Words for one item of a group, and for several; the last seven are tables alone."""
+"""Words for one item of a group, and for several; the last eight are tables alone."""
 
 
 _ROUGH, _SIGMAS = 0.5, 5.0

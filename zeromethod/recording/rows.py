@@ -88,6 +88,7 @@ class Rows:
         self._pictures = 0
         self._zero: Float | None = None
         self._last = 0, 0
+        self._watched_ns = -1
 
     def of_step(self, waiting: WaitingStep, status_note: str | None = None) -> list[Added]:
         """Items of a step. status_note: what to note of the recording itself."""
@@ -96,6 +97,10 @@ class Rows:
         rows = [self._step(step)]
         rows += [self.note(words) for words in step.notes]
         rows += [self._call(step, call) for call in step.calls]
+        if step.approach is not None and step.approach.time_ns > self._watched_ns:
+            self._watched_ns = step.approach.time_ns
+            own = {"step": number, "watching": str(step.approach.watching)}
+            rows.append(self._row("approaches/table", *self._fields("approaches/table", own, step.approach)))
         if status_note is not None:
             rows.append(self.note(status_note))
         rows += self._drops(waiting)

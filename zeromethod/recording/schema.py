@@ -129,11 +129,7 @@ CONTACTS: Fields = {
     "sigma_torque_x_nmm": ("f8", "N mm", "standard deviation of torque_x_nmm"),
     "torque_y_nmm": ("f8", "N mm", "torque about y through the centroid"),
     "sigma_torque_y_nmm": ("f8", "N mm", "standard deviation of torque_y_nmm"),
-    "outline_mm": (
-        f"({OUTLINE_POINTS},2)f4",
-        "mm",
-        "(x, y) of points evenly along the border",
-    ),
+    "outline_mm": (f"({OUTLINE_POINTS},2)f4", "mm", "(x, y) of points evenly along the border"),
 }
 
 CONTACT_IMAGES: Fields = {
@@ -172,6 +168,24 @@ CALLS: Fields = {
     "outcome": ("S160", "", "done, or why it was refused"),
 }
 
+APPROACHES: Fields = {
+    "step": ("i8", "", "step that it was newest in"),
+    "time_ns": ("i8", "ns", "mid-exposure of the watch camera's frame on the run's clock"),
+    "watching": ("S24", "", "what the watch camera sees: clear, seen, coming, or why it sees nothing"),
+    "height_mm": ("f8", "mm", "of the lowest place of what comes, over the mirror; NaN: not known"),
+    "sigma_height_mm": ("f8", "mm", "standard deviation of height_mm"),
+    "speed_mm_s": ("f8", "mm/s", "towards the mirror"),
+    "sigma_speed_mm_s": ("f8", "mm/s", "standard deviation of speed_mm_s"),
+    "contact_s": ("f8", "s", "from time_ns until it touches"),
+    "sigma_contact_s": ("f8", "s", "standard deviation of contact_s"),
+    "x_mm": ("f8", "mm", "world x of the touch to come"),
+    "y_mm": ("f8", "mm", "world y of it"),
+    "sigma_x_mm": ("f8", "mm", "standard deviation of x_mm"),
+    "sigma_y_mm": ("f8", "mm", "standard deviation of y_mm"),
+    "diameter_mm": ("f8", "mm", "width of what comes, of a long thing the shorter one"),
+    "sigma_diameter_mm": ("f8", "mm", "standard deviation of diameter_mm"),
+}
+
 READINGS: Fields = {
     "time_ns": ("i8", "ns", "mid-exposure of the frame that it was read from"),
     "iterations": ("i4", "", "ray-surface intersections taken until depth settled"),
@@ -207,10 +221,11 @@ TABLES: Mapping[str, tuple[Fields, str]] = {
     "fine_peaks": (FINE_PEAKS, "point of largest |depth| of every fine surface that was read"),
     "drops": (DROPS, "frames that are not in this file"),
     "notes": (NOTES, "messages to the operator"),
+    "approaches": (APPROACHES, "what comes, one row per frame of the watch camera that was looked at"),
     "calls": (CALLS, "methods that a person or a program called during the run"),
 }
 
-LATER = frozenset({"contacts", "contact_images", "fine_peaks", "calls"})
+LATER = frozenset({"contacts", "contact_images", "fine_peaks", "approaches", "calls"})
 """Tables that files of this format may lack."""
 
 _WHY = "why a node is not to be trusted: bits named in the attribute `flags`; 0 = valid"

@@ -11,6 +11,7 @@ from zeromethod.recording.opening import Refusal, RefusedRecording
 from zeromethod.recording.peaks import peak_table
 from zeromethod.recording.schema import (
     ANCHORS,
+    APPROACHES,
     CALLS,
     CONTACT_IMAGES,
     CONTACTS,
@@ -85,6 +86,12 @@ class Tables:
         if "fine_peaks/table" not in self._source.names:
             return np.zeros(0, row_dtype(FINE_PEAKS))
         return self.rows("fine_peaks")
+
+    def approaches(self) -> Image:
+        """Rows of the table of what comes; none where the file has no such table."""
+        if "approaches/table" not in self._source.names:
+            return np.zeros(0, row_dtype(APPROACHES))
+        return self.rows("approaches")
 
     def calls(self) -> Image:
         """Rows of the table of calls; none where the file has no such table."""

@@ -188,3 +188,30 @@ class CameraSpec(Table):
         if self.noise.black_grey >= 2**self.bits - 1:
             raise refused("noise.black_grey", self.noise.black_grey, f"below {2**self.bits - 1}")
         return self
+
+
+class WatchSpec(CameraSpec):
+    """A watch camera: two lenses side by side in one frame, which look from below through the rubber.
+
+    The left half of the columns is the view of the left lens. `position_mm` is half-way between the lenses,
+    whose axes are parallel and `baseline_mm` apart along the columns; `centre_px` is the left view's, in its
+    own half; the right view's is its mirror image.
+    """
+
+    baseline_mm: Positive
+
+    @model_validator(mode="after")
+    def _halves(self) -> WatchSpec:
+        if self.columns % 2:
+            raise refused("columns", self.columns, "an even number: two views side by side")
+        if self.projection != "perspective":
+            raise refused("projection", self.projection, "'perspective' for a watch camera")
+        return self
+
+    def lens(self, right: bool) -> CameraSpec:
+        """One of the two views as a camera of its own, but half-way between the lenses."""
+        half = self.columns // 2
+        cx, cy = self.centre_px
+        keys = self.given() | {"columns": half, "centre_px": (half - 1 - cx if right else cx, cy)}
+        del keys["baseline_mm"]
+        return CameraSpec.model_validate(keys)

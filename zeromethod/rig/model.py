@@ -13,7 +13,7 @@ from typing import Any, Literal
 from pydantic import ValidationError, model_validator
 
 from zeromethod.errors import InputError
-from zeromethod.rig.device_tables import SIMULATED, CameraSpec, DisplaySpec, Noise
+from zeromethod.rig.device_tables import SIMULATED, CameraSpec, DisplaySpec, Noise, WatchSpec
 from zeromethod.rig.geometry import GeometrySpec
 from zeromethod.rig.keys import plain, set_value, value_at
 from zeromethod.rig.refusal import RENAMED, first_refusal, refused, shown, unknown_key
@@ -55,6 +55,7 @@ __all__ = [
     "SurfaceSpec",
     "Table",
     "TargetSpec",
+    "WatchSpec",
 ]  # fmt: skip
 
 SCHEMA_VERSION = 2
@@ -74,6 +75,7 @@ class Rig(Table):
     camera_layers: tuple[Layer, ...] = ()
     display: DisplaySpec
     camera: CameraSpec
+    watch: WatchSpec | None = None
     target: TargetSpec = TargetSpec()
     light: LightSpec = LightSpec()
     control: ControlSpec = ControlSpec()

@@ -12,7 +12,8 @@ class Faults(Table):
 
     From frame `moved_at_frame` on, or evenly over `moved_over_frames` from there, the camera is turned by
     `camera_turned_deg` (about its v axis, about its u axis, about its line of sight) and the LCD slid by
-    `display_slid_mm` (away from P0, along y), which the rig file's geometry then no longer has.
+    `display_slid_mm` (away from P0, along y), which the rig file's geometry then no longer has. `watch`: what
+    the watch camera does from, to `watch_s`.
     """
 
     drop_frames: tuple[Count, ...] = ()
@@ -30,6 +31,8 @@ class Faults(Table):
     camera_turned_deg: Vector3 = (0.0, 0.0, 0.0)
     display_slid_mm: Vector2 = (0.0, 0.0)
     light_off_frames: tuple[Count, Count] | None = None
+    watch: Literal["none", "stall", "lost", "repeat", "dark"] = "none"
+    watch_s: Vector2 = (0.0, 0.0)
 
 
 class Nuisances(Table):
@@ -40,6 +43,8 @@ class Nuisances(Table):
     `scratches` (on the camera face), `bubbles` (in the rubber): how many in view. `kelvin_per_minute`: how
     fast the rubber grows warmer, which then is not as the rig file has it. `pixel_gain`, `pixel_offset_grey`:
     fixed pattern of the chip, standard deviations of a pixel's own gain (relative) and black level.
+    What the watch camera sees of the room: `room_light`, the relative swing of its light, slow and at once,
+    and `room_shadows`, how many shadows wander over it at a time.
     """
 
     mains: Share = 0.0
@@ -51,6 +56,8 @@ class Nuisances(Table):
     kelvin_per_minute: float = 0.0
     pixel_gain: NotNegative = 0.0
     pixel_offset_grey: NotNegative = 0.0
+    room_light: Share = 0.0
+    room_shadows: Count = 0
 
 
 class SimulationSpec(Table):

@@ -37,6 +37,7 @@ from zeromethod.session.summary import Figures, summarise
 from zeromethod.session.surfaces import Surfaces
 from zeromethod.session.trust import is_readable, with_stated_geometry
 from zeromethod.session.uneven_rest import UnevenRest
+from zeromethod.session.watching import watching
 from zeromethod.surface import Surface, SurfaceReader
 from zeromethod.surface.comparison import AT_REST, TruthSource, compare, usable_nodes
 from zeromethod.warp.grid import NodeGrid
@@ -94,24 +95,23 @@ class Session:
             self.rig = with_moving_target(self.rig)
         check_geometry(self.rig)
         with ExitStack() as stack:
-            self._devices = devices or stack.enter_context(open_devices(self.rig))
+            opened = self._devices = devices or stack.enter_context(open_devices(self.rig))
             self.rig, doubt = with_stated_geometry(self.rig, self._devices.camera)
             self._optics = Optics(self.rig)
-            opened = self._devices
             parts, reopen = (opened.camera, opened.display, opened.clock), opened.reopen_camera
             self.loop = Loop(self.rig, *parts, reopen_camera=reopen, optics=self._optics)
             self.loop.doubt = doubt
             stack.callback(self.loop.close)
             self._grid: NodeGrid = self.loop.grid
+            self._watching = stack.enter_context(watching(self.rig, opened.clock, self.loop))
             self._truth: TruthSource | None = truth_of(self._devices.camera)
             share = float(np.mean(usable_nodes(self._optics, self._grid, AT_REST)[self._grid.inner]))
             self.result = RunResult(self.rig, self.loop.gl_renderer, share, self.loop.rest, self._truth)
             self.recording = RunRecording(record, self.rig, self.loop, fine)
             stack.callback(self._end_recording)
             self._surfaces = Surfaces(self.rig, self._optics, self._grid)
-            self._fine: FineReadings | None = None
-            if fine:
-                self._fine = FineReadings(self.rig, self._optics, self._grid, self._truth)
+            fine_parts = self.rig, self._optics, self._grid, self._truth
+            self._fine = FineReadings(*fine_parts) if fine else None
             self._contacts = ContactFinder(self.rig, self._optics, self._grid)
             self._forces = ForceReader(self.rig)
             self._touched: tuple[Contact, ...] = ()
@@ -234,7 +234,7 @@ class Session:
             # ended here and now, not when the interpreter comes to forget it
             stack.callback(steps.close)
             try:
-                for each in steps:
+                for each in map(self._watching.seen, steps):
                     step = replace(each, phase=self._phase(each.time_ns), readable=is_readable(each))
                     reading.post(step if step.readable else replace(step, measured=None))
                     self.recording.poll()

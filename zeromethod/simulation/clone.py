@@ -33,6 +33,9 @@ def simulated_clone(rig: Rig) -> Rig:
     clone = rig.replace(
         display=display | {"driver": SIMULATED}, camera=camera | {"driver": SIMULATED}, geometry=None
     )
+    if clone.watch is not None:
+        watch = {key: value for key, value in clone.watch.given().items() if key not in _OF_THE_DEVICE}
+        clone = clone.replace(watch=watch | {"driver": SIMULATED})
     if "camera_latency_s" in rig.simulation.model_fields_set:
         return clone
     return clone.replace({"simulation.camera_latency_s": clone.camera.latency_s})

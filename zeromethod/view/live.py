@@ -11,6 +11,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 from rich.table import Column
 
+from zeromethod.approach import FAULTY
 from zeromethod.contact import ContactFigures
 from zeromethod.loop.state import State
 from zeromethod.loop.step import Step
@@ -20,6 +21,7 @@ from zeromethod.still_busy import StillBusy
 STATE_COLOURS = {
     State.LOCKED: "#2e9e5b",
     State.RESTING: "#7cc7a0",
+    State.APPROACH: "#5b7fd9",
     State.PASSIVE: "#3f8f8c",
     State.NULLING: "#e0b100",
     State.STARTING: "#c9b26b",
@@ -34,6 +36,7 @@ STATE_COLOURS = {
 }
 EXPLAINED = frozenset(
     {
+        State.APPROACH,
         State.HOLDING,
         State.UNCALIBRATED,
         State.MOVED,
@@ -147,6 +150,8 @@ class LiveStatus:
             parts.append((0, f"peak {1e3 * self._peak_mm:.2f}{sigma} µm{relative}"))
         if self._touching:
             parts.append((1, self._touching))
+        if step.approach is not None and step.approach.watching in FAULTY:
+            parts.append((1, step.approach.watching))
         if math.isfinite(step.residual_rms_px):
             parts.append((3, f"residual {step.residual_rms_px:.3f} px"))
             parts.append((2, f"valid {100 * step.valid_share:.1f} %"))

@@ -133,6 +133,9 @@ def summary_table(figures: Figures) -> Table:
         words = pattern.format(*values) if None not in values else ""
         if words and not (label == _DEEPEST and words == rows[-1][1]):
             rows.append((label, words))
+    for one in figures.get("approaches") or ():
+        when = f"armed at {one['armed_s']:.2f} s, touch expected at {one['contact_s']:.2f} s"
+        rows.append(("approach", f"{when}, ({one['x_mm']:.1f}, {one['y_mm']:.1f}) mm"))
     rows += _contact_rows("contact", figures.get("contacts"))
     if figures.get("contacts") and figures["force"]["reason"]:
         rows.append(("force", f"not read: {figures['force']['reason']}"))

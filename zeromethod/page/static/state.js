@@ -5,7 +5,7 @@ const $ = (id) => document.getElementById(id);
 // shape and word say it, colour too
 const LOOKS = {
   locked: ["●", "good"], resting: ["○", "good"], nulling: ["◐", "warn"], starting: ["◌", ""], holding: ["‖", "warn"],
-  passive: ["◎", "good"], paused: ["‖", "warn"], "not calibrated": ["△", "warn"], "bench moved": ["▲", "bad"], covered: ["◼", "warn"],
+  passive: ["◎", "good"], approach: ["◉", "good"], paused: ["‖", "warn"], "not calibrated": ["△", "warn"], "bench moved": ["▲", "bad"], covered: ["◼", "warn"],
   lost: ["✕", "bad"], fault: ["✖", "bad"], stopped: ["■", ""], done: ["✔", "good"], failed: ["✖", "bad"],
 };
 
@@ -85,6 +85,8 @@ export function showFigures(values) {
   set("residual-rms", fixed(values.residual_px, 3));
   set("rate", fixed(values.loop_rate_hz, 1));
   set("delay", fixed(values.delay_ms, 1));
+  // what comes is the state itself; what fails is said beside it
+  set("watch", values.approach?.startsWith("watch camera") ? `△ ${values.approach}` : "");
   set("dropped", values.dropped == null ? "–" : String(values.dropped));
 }
 

@@ -1,0 +1,237 @@
+"""What comes is seen before it touches: time to contact, place, size, arming, false arming, the first frame.
+
+Balls, flat plates and rods, 2 to 30 mm across, come down on the mirror of the packaged rig `contactless` at
+10 to 300 mm/s, up to 30 degrees from straight down, and are seen by the simulated watch camera. Then shadows
+and changes of light pass over the empty room (`--minutes` of them, an hour for the bar). Then balls come
+slowly and touch while the loop runs, camera and LCD binned by 4.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+from benchmarks.parts import Parts, part_options
+from benchmarks.report import Figure, Report, benchmark, start
+from benchmarks.rigs import changed, coarser
+from zeromethod.approach import Approach, Watching, WatchReader
+from zeromethod.arrays import Float
+from zeromethod.cli.numbers import Real
+from zeromethod.clock import SimulatedClock
+from zeromethod.loop.state import State
+from zeromethod.rig.load import load_rig
+from zeromethod.rig.model import Rig
+from zeromethod.session.session import Session
+from zeromethod.simulation.contact.objects import Form, Solid
+from zeromethod.simulation.contact.path import ObjectPath
+from zeromethod.simulation.path import PathPoint, place_at
+from zeromethod.simulation.watch_camera import SimulatedWatchCamera
+
+APPROACHES, QUICK = 500, 24
+TOUCHES, QUICK_TOUCHES = 20, 3
+MINUTE_FRAMES = 1800
+LATENCY_S = 0.02
+"""From a frame's mid-exposure until its answer is there: read-out and computing."""
+FROM_MM, FROM_S = 110.0, 2.5
+"""An object comes from this height, or, a slow one, from what it takes in this time and 8 mm more."""
+FIRST_S = 0.6
+"""Before, the view is empty."""
+SEED = 21
+
+
+def drawn(number: int) -> tuple[ObjectPath, float, float]:
+    """An approach: the object on its path, its speed, mm/s, and when it touches, s."""
+    rng = np.random.default_rng([SEED, number])
+    speed = float(10.0 * 30.0 ** rng.random())
+    form = (Form.BALL, Form.PUNCH, Form.EDGE)[int(rng.integers(3))]
+    size = float(2.0 * 15.0 ** rng.random())
+    tilt, azimuth = np.radians(30.0 * np.sqrt(rng.random())), 2 * np.pi * rng.random()
+    place = np.array([rng.uniform(45.0, 85.0), rng.uniform(-12.0, 12.0)])
+    solid = Solid(form, size / 2, albedo=float(rng.uniform(0.02, 0.9)))
+    if form is Form.EDGE:
+        length = min(size * float(rng.uniform(2.0, 4.0)), 36.0)
+        solid = replace(solid, radius_mm=length / 4 if size > length / 2 else size / 2, length_mm=length)
+        solid = replace(solid, angle_deg=float(rng.uniform(0.0, 180.0)))
+    down = speed * np.cos(tilt)
+    height = min(FROM_MM, FROM_S * down + 8.0)
+    touch_s = FIRST_S + height / down
+    off = height * np.tan(tilt) * np.array([np.cos(azimuth), np.sin(azimuth)])
+    points = (
+        PathPoint(0, 1e4, 0.0, -height),
+        PathPoint(round(1e9 * FIRST_S), 1e4, 0.0, -height),
+        PathPoint(round(1e9 * FIRST_S), float(place[0] + off[0]), float(place[1] + off[1]), -height),
+        PathPoint(round(1e9 * touch_s), float(place[0]), float(place[1]), 0.0),
+    )
+    return ObjectPath(solid, points), speed, touch_s
+
+
+def approach(rig: Rig, number: int) -> dict[str, Any]:
+    """Outcome of one approach; errors and their sigmas, None where nothing was said."""
+    path, speed, touch_s = drawn(number)
+    camera, reader = SimulatedWatchCamera(rig, SimulatedClock()), WatchReader(rig)
+    camera.scenario = replace(camera.scenario, objects=(path,))
+    assert rig.watch is not None
+    seen: list[tuple[float, Approach]] = []
+    for frame in range(int(touch_s * rig.watch.rate_hz) + 1):
+        time_s = frame / rig.watch.rate_hz
+        time_ns = round(1e9 * time_s)
+        seen.append((time_s, reader.take(camera.image(time_ns, frame), time_ns)))
+    armed = [time_s for time_s, one in seen if one.armed and time_s + LATENCY_S < touch_s]
+    found: dict[str, Any] = {
+        "form": str(path.solid.form), "diameter_mm": 2 * path.solid.radius_mm, "speed_mm_s": speed,
+        "albedo": path.solid.albedo, "armed_before_s": touch_s - armed[0] if armed else None,
+        "still_armed": seen[-1][1].armed,
+    }  # fmt: skip
+    x_mm, y_mm, _ = path.points[-1].place
+    at_time = [one for time_s, one in seen if time_s + LATENCY_S <= touch_s - 0.1]
+    at_height = [one for time_s, one in seen if -place_at(path.points, one.time_ns)[2] >= 10.0]
+    found |= _errors("contact", at_time, "contact_s", lambda one: touch_s - 1e-9 * one.time_ns)
+    found |= _errors("x", at_height, "x_mm", lambda _: x_mm) | _errors("y", at_height, "y_mm", lambda _: y_mm)
+    known = [one for _, one in seen if np.isfinite(one.diameter_mm)]
+    return found | _errors("diameter", known, "diameter_mm", lambda _: 2 * path.solid.radius_mm)
+
+
+def _errors(name: str, seen: list[Approach], figure: str, truth: Any) -> dict[str, float | None]:
+    """Error, sigma and truth of the newest approach's figure."""
+    newest = seen[-1] if seen else None
+    if newest is None or not np.isfinite(getattr(newest, figure)):
+        return dict.fromkeys((f"{name}_error", f"{name}_sigma", f"{name}_true"))
+    true = float(truth(newest))
+    error = float(getattr(newest, figure)) - true
+    return {f"{name}_error": error, f"{name}_sigma": getattr(newest, f"sigma_{figure}"), f"{name}_true": true}
+
+
+def shadows(rig: Rig, minute: int) -> dict[str, Any]:
+    """How often, in one minute of shadows and light, the loop is armed though nothing comes."""
+    nuisances = {"room_light": 0.2, "room_shadows": 3}
+    restless = changed(rig, simulation={"seed": SEED + minute, "nuisances": nuisances})
+    camera, reader = SimulatedWatchCamera(restless, SimulatedClock()), WatchReader(rig)
+    camera.scenario = replace(camera.scenario, objects=())
+    armings, seen, before = 0, 0, False
+    for frame in range(MINUTE_FRAMES):
+        time_ns = round(1e9 * frame / 30.0)
+        one = reader.take(camera.image(time_ns, frame), time_ns)
+        armings += one.armed and not before
+        seen += one.watching is not Watching.CLEAR
+        before = one.armed
+    return {"armings": armings, "frames": MINUTE_FRAMES, "not_clear": seen}
+
+
+def touch(rig: Rig, number: int) -> dict[str, Any]:
+    """The first frame after a slow ball's touch: whether it was measured, and is right."""
+    rng = np.random.default_rng([SEED, 1, number])
+    speed, x_mm, y_mm = rng.uniform([10.0, 55.0, -6.0], [40.0, 75.0, 6.0])
+    radius_mm, touch_s = rng.uniform(8.0, 15.0), 1.3 + rng.random() / 60
+    height = speed * (touch_s - 0.3)
+    points = ((0.0, -300.0), (0.29, -300.0), (0.3, -height), (touch_s, 0.0), (touch_s + 0.05 / speed, 0.05))
+    path = ",".join(f"{{time_s={t!r},x_mm={x_mm!r},y_mm={y_mm!r},depth_mm={d!r}}}" for t, d in points)
+    text = f'duration_s={touch_s + 0.2}\n[[object]]\nshape="ball"\nradius_mm={radius_mm!r}\npath=[{path}]\n'
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "touch.toml"
+        file.write_text(text)
+        with Session(rig.model_copy(update={"scenario": str(file)})) as session:
+            first, armed = None, False
+            for step in session.run():
+                begins_ns = step.time_ns - step.exposure_ns // 2
+                armed |= step.state is State.APPROACH
+                if first is None and step.frame_number is not None and begins_ns >= 1e9 * touch_s:
+                    first = step
+    assert first is not None
+    truth = first.truth
+    error = None if truth is None or first.peak is None else truth.depth_peak_error_percent
+    return {
+        "armed": armed, "valid": first.measured is not None and first.peak is not None,
+        "valid_share": first.valid_share, "state": str(first.state), "error_percent": error,
+    }  # fmt: skip
+
+
+def figures_of(runs: list[dict[str, Any]]) -> list[Figure]:
+    """Figures of the approaches."""
+    armed = [run["armed_before_s"] is not None for run in runs]
+
+    def among(name: str) -> tuple[Float, Float, Float]:
+        known = [run for run in runs if run[f"{name}_error"] is not None]
+        keys = (f"{name}_error", f"{name}_sigma", f"{name}_true")
+        error, sigma, true = (np.array([run[key] for run in known]) for key in keys)
+        return error, sigma, true
+
+    contact, contact_sigma, contact_true = among("contact")
+    x, x_sigma, _ = among("x")
+    y, y_sigma, _ = among("y")
+    size, size_sigma, size_true = among("diameter")
+    off, percent, of_size = (
+        np.hypot(x, y),
+        100 * np.abs(contact / contact_true),
+        100 * np.abs(size / size_true),
+    )
+    pulls = np.concatenate([contact / contact_sigma, x / x_sigma, y / y_sigma, size / size_sigma])
+    return [
+        Figure("armed before the touch", f"{sum(armed)} of {len(runs)}", "all", all(armed)),
+        *_shares("time to contact, 0.1 s before", percent, 10.0, "%", len(runs)),
+        *_shares("place, at 10 mm of height", off, 2.0, "mm", len(runs)),
+        *_shares("diameter, at the touch", of_size, 5.0, "%", len(runs)),
+        Figure("errors beyond three of their sigmas", f"{100 * np.mean(np.abs(pulls) > 3):.1f} %", "", None),
+    ]
+
+
+def _shares(name: str, errors: Float, bar: float, unit: str, runs: int) -> list[Figure]:
+    """Median and 95th percentile, which has the bar, and how many were within it."""
+    if not errors.size:
+        return [Figure(name, "not known", f"within {bar:g} {unit}", False)]
+    p95, within = float(np.percentile(errors, 95)), int(np.sum(errors <= bar))
+    words = f"median {np.median(errors):.2f} {unit}, 95 % within {p95:.2f} {unit}"
+    return [
+        Figure(name, words, f"95 % within {bar:g} {unit}", p95 <= bar),
+        Figure(f"{name}: within {bar:g} {unit}", f"{within} of {errors.size} known, of {runs}", "", None),
+    ]
+
+
+def measure(approaches: int, minutes: int, touches: int, parts: Parts) -> Report:
+    """Approaches, minutes of shadows and touches."""
+    rig = load_rig("contactless")
+    small = coarser(rig, 4)
+
+    def one(number: int) -> dict[str, Any]:
+        if number < approaches:
+            return approach(rig, number)
+        if number < approaches + minutes:
+            return shadows(rig, number - approaches)
+        return touch(small, number - approaches - minutes)
+
+    found = parts.run(approaches + minutes + touches, "approaches", one)
+    runs = [each for each in found if "form" in each]
+    quiet = [each for each in found if "armings" in each]
+    touched = [each for each in found if "valid" in each]
+    figures = figures_of(runs) if runs else []
+    if quiet:
+        armings = sum(each["armings"] for each in quiet)
+        words = f"{armings} in {len(quiet)} min"
+        figures.append(Figure("armed by shadows and light", words, "at most 1 in 60 min", armings <= 1))
+    if touched:
+        valid = sum(each["valid"] and each["armed"] for each in touched)
+        words = f"{valid} of {len(touched)}"
+        figures.append(
+            Figure("first frame after a touch measured", words, "95 %", valid >= 0.95 * len(touched))
+        )
+    return Report("Contactless sensing", figures, [], {"runs": found})
+
+
+@benchmark(
+    "contactless",
+    __doc__,
+    part_options,
+    click.option("--minutes", type=Real(min=0), default=60, show_default=True, help="Shadows and light."),
+)
+def command(quick: bool, minutes: float, keep: Path | None, most_runs: int | None) -> Report:
+    count, touches = (QUICK, QUICK_TOUCHES) if quick else (APPROACHES, TOUCHES)
+    parts = Parts(keep, most_runs, quick=quick, minutes=minutes)
+    return measure(count, round(minutes), touches, parts)
+
+
+if __name__ == "__main__":
+    start(command)

@@ -1,0 +1,68 @@
+import threading
+
+from watched import RIG
+
+from zeromethod.approach import Watch, Watching
+from zeromethod.clock import HostClock, SimulatedClock
+from zeromethod.devices.protocols import CameraTimeout
+from zeromethod.devices.watch import watch_opener
+
+
+def looked(kind, until_s):
+    """States seen in three seconds with a fault from 0.5 s on, each with the notes it brought."""
+    rig = RIG.replace(
+        {"scenario": "none", "simulation.faults.watch": kind, "simulation.faults.watch_s": [0.5, until_s]}
+    )
+    clock = SimulatedClock()
+    watch = Watch(rig, clock, watch_opener(rig, clock))
+    found, notes = [], []
+    for frame in range(180):
+        clock.sleep_until_ns(round(1e9 * frame / 60))
+        found.append(watch.look().watching)
+        notes += watch.note()
+    watch.close()
+    return found, notes
+
+
+def test_each_fault_of_the_watch_camera_is_named_and_over_when_it_is():
+    expected = {
+        "stall": Watching.STALLED,
+        "lost": Watching.LOST,
+        "repeat": Watching.BLIND,
+        "dark": Watching.BLIND,
+    }
+    for kind, state in expected.items():
+        found, notes = looked(kind, 1.5)
+        assert state in found[30:100], kind
+        assert found[-1] is Watching.CLEAR, kind
+        assert len(notes) == 2, notes
+        assert "what comes is not seen" in notes[0]
+        assert notes[1] == "watch camera: back"
+
+
+def test_a_camera_that_hangs_or_lies_keeps_nobody_waiting():
+    ended = threading.Event()
+
+    class Hanging:
+        shape, bits = (240, 320), 8
+
+        def read(self, timeout_s):
+            ended.wait(30.0)
+            raise CameraTimeout
+
+        def close(self):
+            ended.set()
+
+    class Lying(Hanging):
+        def read(self, timeout_s):
+            raise ZeroDivisionError("no frame")
+
+    clock = HostClock()
+    for camera, state in ((Hanging, Watching.STALLED), (Lying, Watching.LOST)):
+        watch = Watch(RIG, clock, camera)
+        start_ns = clock.now_ns()
+        while watch.look().watching is not state:
+            assert clock.now_ns() - start_ns < 5e9
+            clock.sleep_until_ns(clock.now_ns() + 20_000_000)
+        ended.set()
+        watch.close()

@@ -1,0 +1,55 @@
+from benchmarks.rigs import coarser
+from zeromethod import Session, State
+from zeromethod.operating.readings import approach_values
+from zeromethod.recording import Recording
+from zeromethod.rig.load import load_rig
+
+SCENARIO = """duration_s = 1.6
+[[object]]
+shape = "ball"
+radius_mm = 12.0
+path = [{time_s=0.0,x_mm=62.0,y_mm=1.0,depth_mm=-300.0},{time_s=0.3,x_mm=62.0,y_mm=1.0,depth_mm=-300.0},
+{time_s=0.301,x_mm=62.0,y_mm=1.0,depth_mm=-40.0},{time_s=1.3,x_mm=62.0,y_mm=1.0,depth_mm=0.0},
+{time_s=1.301,x_mm=62.0,y_mm=1.0,depth_mm=0.05}]
+"""
+
+
+def test_a_touch_is_expected_and_its_first_frame_is_measured(tmp_path):
+    press, file = tmp_path / "come.toml", tmp_path / "come.h5"
+    press.write_text(SCENARIO)
+    rig = coarser(load_rig("contactless"), 4).model_copy(update={"scenario": str(press)})
+    with Session(rig, record=file) as session:
+        steps = list(session.run())
+        (summed,) = session.figures["approaches"]
+    touch_ns = round(1.3e9)
+    expected = [step for step in steps if step.state is State.APPROACH]
+    assert expected
+    assert all(step.time_ns < touch_ns + 60_000_000 for step in expected)
+    last = [step for step in expected if step.time_ns < touch_ns][-1]
+    # ten of the watch camera's frames before it are known well enough for 10 ms
+    at_ns = last.approach.time_ns + 1e9 * last.approach.contact_s
+    assert abs(at_ns - touch_ns) < 10e6
+    first = next(step for step in steps if step.time_ns - step.exposure_ns // 2 >= touch_ns)
+    assert first.measured is not None
+    assert first.peak is not None
+    assert approach_values(last.approach)["approach"].startswith("touch expected in")
+    with Recording(file) as recording:
+        rows = recording.tables.approaches()
+        states = [str(recording.state_of(row)) for row in recording.steps]
+    assert "approach" in states
+    assert summed["armed_s"] < summed["contact_s"]
+    # 30 Hz beside 60: a row per frame of the watch camera, not per step
+    assert 40 <= len(rows) <= 49
+    row = rows[rows["time_ns"] == last.approach.time_ns][0]
+    assert row["watching"] == b"coming"
+    assert row["contact_s"] == last.approach.contact_s
+
+
+def test_a_watch_camera_that_vanishes_leaves_the_run_alone(tmp_path):
+    faults = {"simulation.faults.watch": "lost", "simulation.faults.watch_s": [0.1, 9.0]}
+    rig = coarser(load_rig("contactless"), 4).replace({"scenario": "none", **faults})
+    with Session(rig) as session:
+        steps = list(session.run(frames=20))
+    assert steps[-1].state is State.RESTING
+    assert steps[-1].approach.words.startswith("watch camera lost")
+    assert any("what comes is not seen" in note for step in steps for note in step.notes)

@@ -1,0 +1,65 @@
+"""What the watch camera knows at one instant."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+
+NAN = float("nan")
+
+
+class Watching(enum.StrEnum):
+    """What the watch camera sees, or why it sees nothing."""
+
+    STARTING = "starting"
+    CLEAR = "clear"
+    SEEN = "seen"
+    COMING = "coming"
+    STALLED = "watch camera stalled"
+    LOST = "watch camera lost"
+    BLIND = "watch camera blind"
+
+
+FAULTY = frozenset({Watching.STALLED, Watching.LOST, Watching.BLIND})
+"""States in which nothing can be said of what comes."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Approach:
+    """What comes, from one frame of the watch camera; NaN: not known.
+
+    time_ns: mid-exposure of that frame. height_mm: of its lowest place over the mirror, with speed_mm_s, > 0
+    towards it. contact_s: from time_ns until it touches; x_mm, y_mm: where. diameter_mm: its width, of a long
+    object the shorter one. sigma_...: standard deviations. reason: in words, for a camera at fault.
+    """
+
+    watching: Watching
+    time_ns: int = 0
+    height_mm: float = NAN
+    sigma_height_mm: float = NAN
+    speed_mm_s: float = NAN
+    sigma_speed_mm_s: float = NAN
+    contact_s: float = NAN
+    sigma_contact_s: float = NAN
+    x_mm: float = NAN
+    y_mm: float = NAN
+    sigma_x_mm: float = NAN
+    sigma_y_mm: float = NAN
+    diameter_mm: float = NAN
+    sigma_diameter_mm: float = NAN
+    reason: str = ""
+
+    @property
+    def armed(self) -> bool:
+        """Whether a touch is expected."""
+        return self.watching is Watching.COMING
+
+    @property
+    def words(self) -> str:
+        """For the operator."""
+        if not self.armed:
+            return f"{self.watching}: {self.reason}" if self.reason else str(self.watching)
+        return (
+            f"touch expected in {self.contact_s:.2f} ± {self.sigma_contact_s:.2f} s "
+            f"at ({self.x_mm:.1f}, {self.y_mm:.1f}) ± {max(self.sigma_x_mm, self.sigma_y_mm):.1f} mm"
+        )

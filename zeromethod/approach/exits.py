@@ -1,0 +1,52 @@
+"""Where the watch camera's rays leave the mirror at rest, and in which direction they go on in the air."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from zeromethod.arrays import Float, Mask
+from zeromethod.optics import Optics
+from zeromethod.optics.camera import Camera
+from zeromethod.optics.mirror import distance_to, normal_of
+from zeromethod.optics.vectors import dot
+from zeromethod.rig.model import Rig, WatchSpec
+
+
+@dataclass(frozen=True, slots=True)
+class Exits:
+    """Rays of one view above the mirror: the place at height z is `foot` + z `tangent`.
+
+    foot: (rows, cols, 2) mm, at z = 0. tangent: (rows, cols, 2). valid: (rows, cols) the pixel sees through
+    the mirror; foot and tangent are 0 elsewhere.
+    """
+
+    foot: Float
+    tangent: Float
+    valid: Mask
+
+
+def exits_of(rig: Rig, watch: WatchSpec) -> tuple[Exits, Exits]:
+    """Rays of the left and the right view of the rig's watch camera."""
+    across = Camera.place(watch).u_axis
+    return _view(rig, watch, across, right=False), _view(rig, watch, across, right=True)
+
+
+def _view(rig: Rig, watch: WatchSpec, across: Float, *, right: bool) -> Exits:
+    shift = (0.5 if right else -0.5) * watch.baseline_mm * across
+    pose = {"position_mm": watch.position_mm + shift, "look_at_mm": watch.look_at_mm + shift}
+    lens = watch.lens(right).model_copy(update={key: tuple(map(float, one)) for key, one in pose.items()})
+    optics = Optics(rig.model_copy(update={"camera": lens}))
+    v, u = np.mgrid[: lens.rows, : lens.columns].astype(np.float64)
+    start, inside = optics.rubber_rays(u, v)
+    place = start + distance_to(optics.rest, start, inside)[..., None] * inside
+    normal = normal_of(optics.rest.gradient(place[..., 0], place[..., 1]))
+    index, cosine = rig.prism.index, dot(inside, normal)
+    with np.errstate(invalid="ignore"):
+        beyond = np.sqrt(1.0 - index**2 * (1.0 - cosine**2)) - index * cosine
+        direction = index * inside + beyond[..., None] * normal
+        tangent = direction[..., :2] / direction[..., 2:]
+    foot = place[..., :2] - place[..., 2:] * tangent
+    valid = np.isfinite(tangent[..., 0]) & optics.prism.on_mirror(place[..., 0], place[..., 1])
+    return Exits(np.where(valid[..., None], foot, 0.0), np.where(valid[..., None], tangent, 0.0), valid)

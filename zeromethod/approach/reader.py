@@ -1,0 +1,92 @@
+"""Frames of the watch camera in, what comes out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+
+from zeromethod.approach.approach import Approach, Watching
+from zeromethod.approach.exits import exits_of
+from zeromethod.approach.silhouettes import SOME, Background
+from zeromethod.approach.spot import Spot, spot_of
+from zeromethod.approach.track import MISSED_S, Track
+from zeromethod.arrays import Image
+from zeromethod.errors import InputError
+from zeromethod.optics.prism import PrismGeometry
+from zeromethod.rig.model import Rig
+
+LEAST_GREY = 8.0
+"""Mean light over black, grey levels, below which the watch camera sees nothing."""
+SAME_FRAMES = 4
+"""Frames in a row that are the same to the last bit: a camera's noise never does that."""
+
+
+class WatchReader:
+    """Follows what comes, frame by frame.
+
+    Raises InputError for a rig without a watch camera, or one that does not see through the mirror.
+    """
+
+    def __init__(self, rig: Rig) -> None:
+        if rig.watch is None:
+            raise InputError("watch: missing; the rig has no watch camera")
+        self._black_grey = rig.watch.noise.black_grey
+        self._scale = 2.0 ** (rig.watch.bits - 8)
+        self._shape = rig.watch.rows, rig.watch.columns
+        self.exits = exits_of(rig, rig.watch)
+        if min(exits.valid.mean() for exits in self.exits) < 0.05:
+            raise InputError("watch.look_at_mm: hardly any ray of the watch camera goes out by the mirror")
+        self._some = np.flatnonzero(np.hstack([exits.valid for exits in self.exits]))[::SOME]
+        self._backgrounds = tuple(Background(exits.valid) for exits in self.exits)
+        self._mirror = PrismGeometry(rig.prism)
+        self._track: Track | None = None
+        self._last: Image | None = None
+        self._same = 0
+
+    def take(self, image: Image, time_ns: int) -> Approach:
+        """What comes by a frame with mid-exposure `time_ns`."""
+        if trouble := self._trouble(image):
+            self._track = None
+            return Approach(watching=Watching.BLIND, time_ns=time_ns, reason=trouble)
+        grey = image.astype(np.float32) / np.float32(self._scale) - np.float32(self._black_grey)
+        halves = np.split(grey, 2, axis=1)
+        found = [one.look(half) for one, half in zip(self._backgrounds, halves, strict=True)]
+        spots = [
+            spot
+            for left, right in product(*found)
+            if left.darker == right.darker and (spot := spot_of(self.exits, (left, right))) is not None
+        ]
+        approach = self._follow(spots, time_ns)
+        x, y = np.array([approach.x_mm, approach.y_mm])
+        misses = approach.armed and not self._mirror.on_mirror(x, y)
+        return replace(approach, watching=Watching.SEEN) if misses else approach
+
+    def _follow(self, spots: list[Spot], time_ns: int) -> Approach:
+        track = self._track
+        if track is not None:
+            own = [spot for spot in spots if track.fits(time_ns, spot)]
+            if own:
+                track.add(time_ns, min(own, key=lambda spot: float(np.linalg.norm(spot.place - track.last))))
+                return track.approach()
+            if time_ns - track.time_ns < 1e9 * MISSED_S:
+                return track.approach()
+        self._track = None
+        if not spots:
+            return Approach(watching=Watching.CLEAR, time_ns=time_ns)
+        self._track = Track(time_ns, min(spots, key=lambda spot: float(spot.place[2])))
+        return self._track.approach()
+
+    def _trouble(self, image: Image) -> str:
+        """Why a frame says nothing; empty where it does."""
+        if image.shape != self._shape:
+            return f"frames of {image.shape} (rows, columns), the rig says {self._shape}"
+        same = self._last is not None and np.array_equal(image, self._last)
+        self._same, self._last = (self._same + 1 if same else 0), image
+        if self._same >= SAME_FRAMES:
+            return "the same picture again and again"
+        middle = float(np.median(image.ravel()[self._some])) / self._scale
+        if middle - self._black_grey < LEAST_GREY:
+            return "too dark"
+        return "too bright" if middle >= 254 else ""

@@ -1,0 +1,102 @@
+"""What stands before the background in one view of the watch camera.
+
+The background is a running median: each pixel's value goes towards what is seen by a fixed small step a
+frame. Where something stands the step is a 25th, so that what hangs still for a minute becomes background,
+but nothing that comes slowly does.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from zeromethod.arrays import Float, Mask, Single
+
+STEP_GREY, HELD_GREY = 0.5, 0.02
+"""How far the background goes towards a frame, grey levels: where nothing stands, where something does."""
+SIGMAS, LEAST_SHARE = 6.0, 0.07
+"""What stands differs by so many sigmas of the noise and such a share of the view's mean, at the least."""
+LEAST_PX, MOST = 3, 5
+"""Pixels of the smallest silhouette, and how many of the largest are looked at."""
+RIM_PX = 2
+_NEAR = np.ones((2 * RIM_PX + 1, 2 * RIM_PX + 1))
+SOME = 7
+"""One pixel in so many is enough for a median of the view."""
+
+
+@dataclass(frozen=True, slots=True)
+class Silhouette:
+    """One thing before the background: its pixels by `rows` and `cols`, and how much of each it covers.
+
+    cut: the view ends before it does, along the columns of the image.
+    """
+
+    rows: slice
+    cols: slice
+    cover: Float
+    darker: bool
+    cut: bool
+
+
+class Background:
+    """Running median of one view, and what differs from it."""
+
+    def __init__(self, valid: Mask) -> None:
+        """valid: (rows, cols) pixels that see through the mirror."""
+        self._valid = valid
+        self._sides, self._ends = (_rim(valid, kernel) for kernel in (np.ones((1, 3)), np.ones((3, 1))))
+        self._some = np.flatnonzero(valid)[::SOME]
+        self._median: Single | None = None
+        self._noise_grey = 3.0
+
+    def look(self, grey: Single) -> list[Silhouette]:
+        """Silhouettes that no side of the view cuts; grey: (rows, cols) above black."""
+        if self._median is None:
+            self._median = grey.copy()
+            return []
+        mean = max(float(np.median(self._median.ravel()[self._some])), 1.0)
+        level = max(float(np.median(grey.ravel()[self._some])) / mean, 0.05)
+        off = np.where(self._valid, grey * np.float32(1.0 / level) - self._median, np.float32(0.0))
+        noise = 1.48 * float(np.median(np.abs(off.ravel()[self._some])))
+        self._noise_grey += 0.05 * (min(noise, 2 * self._noise_grey) - self._noise_grey)
+        least = max(SIGMAS * self._noise_grey, LEAST_SHARE * mean)
+        stands = (np.abs(off) > least).astype(np.uint8)
+        if not stands.any():
+            self._median += np.clip(off, -STEP_GREY, STEP_GREY)
+            return []
+        step = np.where(cv2.dilate(stands, _NEAR) > 0, np.float32(HELD_GREY), np.float32(STEP_GREY))
+        self._median += np.clip(off, -step, step)
+        count, labels, stats, _ = cv2.connectedComponentsWithStats(stands, connectivity=8)
+        beside, ends = (set(np.unique(labels[rim]).tolist()) for rim in (self._sides, self._ends))
+        largest = 1 + np.argsort(-stats[1:count, cv2.CC_STAT_AREA])[:MOST]
+        whole = (k for k in largest if stats[k, cv2.CC_STAT_AREA] >= LEAST_PX and k not in beside)
+        before = off, self._median, least
+        return [_silhouette(*before, labels == k, stats[k], cut=int(k) in ends) for k in whole]
+
+
+def _rim(valid: Mask, kernel: Float) -> Mask:
+    """Valid pixels at the border of what is valid, along the kernel."""
+    inner = cv2.erode(valid.astype(np.uint8), kernel, borderType=cv2.BORDER_CONSTANT, borderValue=0)
+    return np.asarray(valid & (inner == 0))
+
+
+def _silhouette(
+    off: Single, background: Single, least: float, own: Mask, stats: Float, *, cut: bool
+) -> Silhouette:
+    left, top, width, height = (int(stats[k]) for k in range(4))
+    rows = slice(max(top - RIM_PX, 0), min(top + height + RIM_PX, off.shape[0]))
+    cols = slice(max(left - RIM_PX, 0), min(left + width + RIM_PX, off.shape[1]))
+    inside, window = own[rows, cols].astype(np.uint8), (rows, cols)
+    seen, behind = off[window].astype(np.float64), background[window].astype(np.float64)
+    darker = float(seen[inside > 0].mean()) < 0
+    core = cv2.erode(inside, np.ones((3, 3)), borderType=cv2.BORDER_CONSTANT, borderValue=0) > 0
+    whole = core if core.sum() >= LEAST_PX else inside > 0
+    # its own light: a small one has hardly a pixel that is covered whole
+    share = 0.2 if core.sum() >= LEAST_PX else 0.1
+    own_grey = float(np.quantile((seen + behind)[whole], share if darker else 1.0 - share))
+    full = np.minimum(own_grey - behind, -least) if darker else np.maximum(own_grey - behind, least)
+    # noise beside it must cancel out, and inside it is covered whatever its shade
+    cover = np.where(cv2.dilate(inside, _NEAR) > 0, np.minimum(seen / full, 1.0), 0.0)
+    return Silhouette(rows, cols, np.where(core, 1.0, cover), darker, cut)

@@ -1,0 +1,116 @@
+"""The watch camera of a run, in a thread of its own, at its own rate; whatever it does, the run goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator
+from contextlib import contextmanager, suppress
+
+from zeromethod.approach.approach import FAULTY, Approach, Watching
+from zeromethod.approach.reader import WatchReader
+from zeromethod.clock import Clock, HostClock
+from zeromethod.devices.protocols import Camera, CameraLost, CameraTimeout
+from zeromethod.rig.model import Rig
+from zeromethod.worker import SameThread, Worker
+
+STALLED_S = 0.5
+"""Without a new frame for so long, or for ten frames, the watch camera is stalled."""
+REOPEN_S = 1.0
+"""How often a lost one is tried again."""
+CLOSING_S = 0.3
+
+
+class Watch:
+    """What comes, asked for step by step: `look` gives the newest and never waits.
+
+    In simulated time the frame that is due is read where it is asked for.
+    """
+
+    def __init__(self, rig: Rig, clock: Clock, open_camera: Callable[[], Camera]) -> None:
+        """Open the camera; raises InputError as that does, and for a rig that sees nothing by it."""
+        assert rig.watch is not None
+        self._reader = WatchReader(rig)
+        self._clock, self._open = clock, open_camera
+        self._camera: Camera | None = open_camera()
+        self._stalled_s = max(STALLED_S, 10.0 / rig.watch.rate_hz)
+        self._frame_ns = self._tried_ns = clock.now_ns()
+        self._newest = Approach(watching=Watching.STARTING)
+        self._said = Watching.STARTING
+        live = isinstance(clock, HostClock)
+        self._wait_s = 0.25 if live else 0.0
+        self._worker: Worker[None, Approach] | SameThread[None, Approach]
+        if live:
+            self._worker = Worker("watch", self._serving, kept=1, idle=(0.0, None))
+        else:
+            self._worker = SameThread(self._serving)
+
+    def look(self) -> Approach:
+        """The newest of what comes; a camera that hangs is stalled."""
+        if isinstance(self._worker, SameThread):
+            self._worker.post(None)
+        answers = self._worker.take()
+        if answers:
+            self._newest = answers[-1]
+        elif self._worker.busy_s > self._stalled_s + self._wait_s:
+            self._newest = Approach(watching=Watching.STALLED, reason="it does not answer")
+        return self._newest
+
+    def note(self) -> tuple[str, ...]:
+        """A line for the operator when the watch camera fails, and when it is back."""
+        now = self._newest.watching
+        failed, before = now in FAULTY, self._said in FAULTY
+        if now is self._said or not (failed or before):
+            self._said = now
+            return ()
+        self._said = now
+        return (f"{self._newest.words}: what comes is not seen",) if failed else ("watch camera: back",)
+
+    def close(self) -> None:
+        """End the thread and close the camera; a camera that hangs keeps both."""
+        self._worker.close(CLOSING_S)
+
+    @contextmanager
+    def _serving(self) -> Generator[Callable[[None], Approach | None]]:
+        try:
+            yield lambda _: self._next()
+        finally:
+            with suppress(Exception):
+                if self._camera is not None:
+                    self._camera.close()
+
+    def _next(self) -> Approach | None:
+        """What the next frame says; None for nothing new."""
+        now_ns = self._clock.now_ns()
+        try:
+            if self._camera is None:
+                return self._reopened(now_ns)
+            frame = self._camera.read(self._wait_s)
+        except CameraTimeout:
+            late = now_ns - self._frame_ns > 1e9 * self._stalled_s
+            return (
+                Approach(watching=Watching.STALLED, time_ns=now_ns, reason="no new frame") if late else None
+            )
+        except Exception as error:  # of whatever kind: the run does not depend on this camera
+            with suppress(Exception):
+                if self._camera is not None:
+                    self._camera.close()
+            self._camera, self._tried_ns = None, now_ns
+            return self._lost(now_ns, error)
+        self._frame_ns = now_ns
+        return self._reader.take(frame.image, frame.time_ns)
+
+    def _reopened(self, now_ns: int) -> Approach | None:
+        if now_ns - self._tried_ns < 1e9 * REOPEN_S:
+            self._clock.sleep_until_ns(now_ns + round(1e9 * self._wait_s))
+            return None
+        self._tried_ns = now_ns
+        try:
+            self._camera = self._open()
+        except Exception as error:  # as above
+            return self._lost(now_ns, error)
+        self._frame_ns = now_ns
+        return None
+
+    def _lost(self, now_ns: int, error: Exception) -> Approach:
+        words = " ".join(str(error).split()) or type(error).__name__
+        kind = "" if isinstance(error, CameraLost) else f"{type(error).__name__}: "
+        return Approach(watching=Watching.LOST, time_ns=now_ns, reason=kind + words)

@@ -1,0 +1,37 @@
+"""Opening of the watch camera that a rig's `[watch]` table names."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from zeromethod.clock import Clock
+from zeromethod.devices.opening import load_driver, open_camera
+from zeromethod.devices.protocols import Camera
+from zeromethod.errors import InputError
+from zeromethod.rig.model import SIMULATED, CameraSpec, Rig
+
+SIMULATED_WATCH = "zeromethod.simulation.watch_camera:SimulatedWatchCamera"
+
+
+def watch_opener(rig: Rig, clock: Clock) -> Callable[[], Camera]:
+    """What opens the rig's watch camera on the run's clock.
+
+    Raises InputError for unknown drivers, and for a simulated one by a real one's side; so does opening.
+    """
+    assert rig.watch is not None
+    keys = {key: value for key, value in rig.watch.given().items() if key != "baseline_mm"}
+    spec = CameraSpec.model_validate(keys | (rig.watch.model_extra or {}))
+    if (spec.driver == SIMULATED) != (rig.camera.driver == SIMULATED):
+        raise InputError(
+            f"watch.driver: {spec.driver!r}: camera and watch camera are both simulated, or both are real; "
+            "allowed: --watch-camera together with --camera and --display"
+        )
+    factory = load_driver("camera", SIMULATED_WATCH if spec.driver == SIMULATED else spec.driver)
+
+    def open_watch() -> Camera:
+        try:
+            return open_camera(spec, factory, {"rig": rig, "clock": clock})
+        except InputError as error:
+            raise InputError(f"watch {error}") from error
+
+    return open_watch
