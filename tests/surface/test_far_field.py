@@ -162,7 +162,7 @@ def test_a_ball_is_known_by_what_is_seen_around_its_dark_contact():
     seen = np.hypot(X - at[0], Y - at[1]) > radius_mm
     found = fitted(depth, slope, -4e-3, noise=1e-5, seen=seen)
     assert abs(found.constant_mm + 4e-3) < 3 * found.sigma_mm
-    # around its contact a ball is much like dents of other laws, whose depth there differs by a percent and more
+    # dents of other laws are much like it around its contact, and differ by a percent and more there
     border_mm = float((depth[BORDER] / H[BORDER]).mean())
     assert found.sigma_mm < 5e-3 * border_mm
 

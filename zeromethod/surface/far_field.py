@@ -11,10 +11,10 @@ Gaussian; between them are other powers of r. Besides, d = A exp(1 - sqrt(1 + z)
 where depth decays exponentially. Where the rig says what holds its rubber's faces, a load's dent, k = 1, has
 any share of what the body adds to it (`zeromethod.mechanics`), counted as k = 1 to 2. A load as wide as the
 dent itself has the shape that a ball's pressure makes (Johnson, section 4.2): in the view it is much like a
-power of r that falls faster, beyond it falls as 1 / r. Two dents are two loads, or one with the bulge that
-rubber raises around it; they obey one law, as they press one material, or each its own, as what presses
-differs: laws of another kind, which no fit leads to, are tried for each. More are tried while they explain
-what is left.
+power of r that falls faster, beyond it falls as 1 / r; around a dark contact it is much like a load's. Two
+dents are two loads, or one with the bulge that rubber raises around it; they obey one law, as they press one
+material, or each its own, as what presses differs: laws of another kind, which no fit leads to, are tried for
+each. More are tried while they explain what is left.
 
 Their numbers are fitted to the slopes, and C with them: at the anchor they must leave what is read there.
 What a law leaves is noise and an error of its own, relative to the slopes, of unknown size, which is fitted

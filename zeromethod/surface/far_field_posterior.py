@@ -163,9 +163,9 @@ def _fit_ball(
 
 @numba.njit(cache=True, error_model="numpy")
 def _begun_as_ball(dent: Float, law: float, nodes: Nodes) -> Float:
-    """Numbers (7,) of a ball's dent to fit where one of another law was: at least as wide as its unseen middle.
+    """Numbers (7,) of a ball's dent to fit where one of another law was: at least as wide as its dark middle.
 
-    Else nodes that see none of its middle leave it too steep to lead to a ball.
+    Else nodes which see none of this middle leave it too steep to lead to a ball.
     """
     ball = with_law(dent, law)
     across, down = nodes.x - ball[1], nodes.y - ball[2]
