@@ -34,6 +34,7 @@ from benchmarks.calibration_benches import (
     recorded_of,
 )
 from benchmarks.calibration_study import KNOWN_MM
+from benchmarks.fault_tour import LIGHTS
 from benchmarks.hand_presses import any_press, can_be_nulled
 from benchmarks.parts import Parts, part_options
 from benchmarks.report import Figure, Report, benchmark, start
@@ -275,15 +276,18 @@ def by_place_mm(surface: Surface, peak: Peak, mirror: DepthField) -> float:
     )
 
 
-def report(count: int, *, faults: bool, parts: Parts) -> Report:
-    """Run `count` honest presses, and all faults, or those of them that are still missing in `parts`."""
+def report(count: int, *, faults: bool, parts: Parts, light: str = "lcd") -> Report:
+    """Run `count` honest presses, and all faults, or those of them that are still missing in `parts`.
+
+    light: one of `LIGHTS`; under others than the LCD alone the bench is that of the rig file.
+    """
     known = small_rig().model_copy(update={"scenario": "none"})
     with parts.folder() as folder:
         calibrate = functools.cache(functools.partial(calibrated, folder))
         benches: list[tuple[Rig, int | None]] = []
-        for number in range(BENCHES):
+        for number in range(BENCHES if light == "lcd" else 0):
             benches += [(known, None), (bench_of(number), number)]
-        cases = list(honest(benches, count))
+        cases = list(honest(benches or [(known, None)], count))
         if faults:
             cases += [*bumps(known, known), *uncalibrated(known)]
 
@@ -291,7 +295,8 @@ def report(count: int, *, faults: bool, parts: Parts) -> Report:
             case = cases[number]
             if case.calibration is not None:
                 case = replace(case, believed=calibrate(case.calibration))
-            return asdict(judged(case))
+            lit = case.bench.replace(LIGHTS[light]) if LIGHTS[light] else case.bench
+            return asdict(judged(replace(case, bench=lit)))
 
         return summarise([Outcome(**kept) for kept in parts.run(len(cases), "runs", run)])
 
@@ -361,12 +366,19 @@ def _early(runs: Sequence[Outcome], state: str) -> Figure:
     __doc__,
     click.option("--presses", type=Whole(min=2), default=HONEST, show_default=True, help="Honest presses."),
     click.option("--faults/--no-faults", default=True, help="Plant the faults, too."),
+    click.option(
+        "--light", type=click.Choice(["lcd", "mains", "sun", "ring"]), default="lcd", help="What else shines."
+    ),
     part_options,
 )
-def command(quick: bool, presses: int, faults: bool, keep: Path | None, most_runs: int | None) -> Report:
+def command(
+    quick: bool, presses: int, faults: bool, light: str, keep: Path | None, most_runs: int | None
+) -> Report:
     """Run everything."""
     count = HONEST_QUICK if quick else presses
-    return report(count, faults=faults, parts=Parts(keep, most_runs, presses=count))
+    lit = {} if light == "lcd" else {"light": light}
+    parts = Parts(keep, most_runs, presses=count, **lit)
+    return report(count, faults=faults, parts=parts, light=light)
 
 
 if __name__ == "__main__":

@@ -33,7 +33,7 @@ from zeromethod.fine.surface import FineSurface
 from zeromethod.loop.circle import Circle
 from zeromethod.optics import Optics
 from zeromethod.rig.load import load_rig
-from zeromethod.session.fine import FineReadings, frame_of, with_moving_target
+from zeromethod.session.fine import STEP, FineReadings, frame_of, with_moving_target
 from zeromethod.surface import SurfaceReader, peak
 
 Found = dict[str, float]
@@ -44,6 +44,9 @@ DENTS: dict[float, tuple[float, float, float]] = {
 """Sigma in mm: depth in mm, half of that of the fold; largest error as seen, and divided, percent."""
 PADS_MM = (2e-3, 1e-2, 5e-2)
 REST_FRAMES = 60
+_MEAN_FRAMES = 4 * STEP
+"""Frames of the long mean that are read together: of two turns there and back of the target, whose steps in
+either direction a wrong delay shifts in opposite ones."""
 PAD_SIGMA_MM = 5.0
 _BLOCK_PX = 8
 _DELAY_WRONG_S = 1e-4
@@ -191,7 +194,7 @@ def long_mean(frames: int, binning: int) -> Found:
             if frame is None or number < FRAMES:
                 continue
             kept.append(frame)
-            if len(kept) < FRAMES:
+            if len(kept) < _MEAN_FRAMES:
                 continue
             try:
                 surface = reader.read(kept)
@@ -203,7 +206,7 @@ def long_mean(frames: int, binning: int) -> Found:
             for name, depth in (("nodes", surface.coarse.depth_mm), ("pixels", surface.depth_mm)):
                 total[name] = total.get(name, 0.0) + depth.astype(float)
     rms = {name: 1e6 * float(np.sqrt(np.nanmean((one / count) ** 2))) for name, one in total.items()}
-    return {**rms, "frames": float(count * FRAMES)}
+    return {**rms, "frames": float(count * _MEAN_FRAMES)}
 
 
 def loop_cost(frames: int) -> Found:

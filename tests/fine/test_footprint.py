@@ -5,6 +5,7 @@ from scipy.fft import fft2, ifft2
 from benchmarks.rigs import changed, small_rig
 from zeromethod.fine.footprint import Footprint, regularised_inverse, response
 from zeromethod.fine.lattice import PixelLattice
+from zeromethod.optics import Optics
 from zeromethod.optics.pupil import footprint_terms, quadratic_terms
 from zeromethod.warp.grid import NodeGrid
 
@@ -29,4 +30,26 @@ def test_a_dent_is_divided_by_the_footprint_of_its_place(across):
     expected = np.real(ifft2(fft2(dent) * share * regularised_inverse(share)))[rows // 2, at]
     assert expected == pytest.approx(1.0, abs=0.03)
     # footprints in between are those of two, right to second order in the wave number
-    assert Footprint(rig, lattice).divided(seen)[rows // 2, at] == pytest.approx(expected, abs=0.005)
+    assert Footprint(rig, Optics(rig), lattice).applied(seen)[rows // 2, at] == pytest.approx(
+        expected, abs=0.005
+    )
+
+
+def test_waves_of_the_lcds_pixels_are_smoothed_away_and_longer_ones_stay():
+    rig = changed(small_rig(4), camera={"pupil_mm": 0.0})
+    lattice = PixelLattice(NodeGrid.of_rig(rig))
+    rows, cols = lattice.shape
+    usable = np.ones((rows, cols), bool)
+    usable[:, 80] = False
+    u = np.arange(cols)
+    left = []
+    for cycles_per_px in (0.432, 1 / 12):
+        wave = np.cos(2 * np.pi * cycles_per_px * u)
+        d = np.repeat(np.tile(wave, (rows, 1))[..., None], 2, axis=-1).astype(np.float32)
+        out = Footprint(rig, Optics(rig), lattice, divide=False).without_grid(d, usable)
+        left.append(float(out[rows // 2, 10:60, 0] @ wave[10:60] / (wave[10:60] @ wave[10:60])))
+        # next to a pixel that is not usable nothing is mixed
+        assert out[rows // 2, 79, 0] == np.float32(wave[79])
+    # on the packaged bench they are seen as 0.432 cycles per px, within a hundredth
+    assert abs(left[0]) < 0.05
+    assert left[1] == pytest.approx(1.0, abs=1e-3)

@@ -64,7 +64,7 @@ def test_no_frame_saturates_and_nothing_is_named_while_the_exposure_follows(tmp_
                 beyond.append(error / step.truth.depth_peak_error_sigma_percent)
     assert len(lengths) > 2
     assert full < 0.002
-    # with the exposure as it was 1 of 135 peaks is beyond 3 sigma, just after the press, and their rms is 1.12
+    # with the exposure as it was 1 of 135 peaks is beyond 3 sigma, and their rms is 1.12
     assert len(beyond) > 30
     assert np.mean(np.array(beyond) > 3) < 0.02
     assert np.sqrt(np.mean(np.square(beyond))) < 1.25

@@ -175,4 +175,7 @@ def test_the_report_shows_every_pixel(recorded, tmp_path):
     path, found, _ = recorded
     figures = zm.report(path, tmp_path / "page.html")
     assert figures["fine"]["surfaces"] == len(found)
+    largest = figures["fine"]["largest"]["depth_mm"]
+    assert abs(largest) >= abs(figures["fine"]["depth_mm"])
+    assert f"{1e3 * largest:.4f}" in (tmp_path / "page.html").read_text()
     assert "every pixel" in (tmp_path / "page.html").read_text()

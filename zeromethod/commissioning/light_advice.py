@@ -22,8 +22,9 @@ SATURATED_SHARE = 0.002
 AIMED_SHARE = 0.88
 """Share of full scale that the target's peaks should reach: they then have ten deviations of the packaged
 bench's noise to full scale, and flicker and drift some room."""
-LAMP_SHARE = 0.45
-"""The same where a lamp lights the pattern by way of the mirror, which focuses its light by two and more."""
+LAMP_SHARE = 0.8
+"""The same where a lamp lights the pattern by way of the mirror, which focuses its light round a press: what
+saturates there is masked, which costs less than less light everywhere."""
 DARK_SHARE = 0.35
 """Share of full scale of the brightest grey below which the picture is too dark."""
 NO_LIGHT_SHARE = 0.01

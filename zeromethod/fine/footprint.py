@@ -3,8 +3,13 @@
 A pixel sees the mean of the mirror over the footprint of the camera's pupil, an ellipse that varies slowly
 over the view: in waves, depth is multiplied by F = 2 J1(r) / r, r = |M' k| (`optics.pupil`), which reaches 0.
 It is divided by it as far as that does not multiply noise: by G = F / (F^2 + (c (1 - F))^2), which is 1 for
-waves much longer than the footprint. The lens blurs what the shown picture leaves of the displacement, not
-what it nulls, so that this is sharpened in the displacement itself.
+waves much longer than the footprint. As seen through the pupil, depth has what is left of it when it is
+multiplied by F again: waves that no pupil shows are noise. The lens blurs what the shown picture leaves of
+the displacement, not what it nulls, so that this is sharpened in the displacement itself.
+
+The LCD's pixels are seen as waves of nearly two camera pixels, the same in all frames: 25 thousandths of a
+pixel, as much as the noise of a second. They are smoothed away by 1 - (sin(k / 2) / sin(q / 2))^6 along u and
+v, q their own wave number.
 """
 
 from __future__ import annotations
@@ -18,12 +23,17 @@ from scipy.special import j1
 
 from zeromethod.arrays import Float, Mask, Single
 from zeromethod.fine.lattice import PixelLattice
+from zeromethod.optics import Optics
 from zeromethod.optics.pupil import footprint_terms, quadratic_terms
 from zeromethod.rig.model import Rig
 
 NOISE_LIMIT = 0.15
 """C above: noise is multiplied by 1 / (2 c) = 3.3 at most."""
 _PIXEL_PX2 = 1 / 12
+_SINE_6 = np.array([-1.0, 6.0, -15.0, 20.0, -15.0, 6.0, -1.0]) / 64.0
+"""Weights of pixels by which cosines are multiplied by sin^6(k / 2)."""
+_SHORT_WAVES = 0.35
+"""Cycles per camera px from which waves of the LCD's pixels are smoothed away: the mirror has longer ones."""
 _SIZES = 4
 """Footprints by which the whole view is divided, from the smallest to the largest in equal steps of area."""
 
@@ -39,17 +49,35 @@ def regularised_inverse(share: Float) -> Float:
     return np.asarray(share / (share**2 + (NOISE_LIMIT * (1.0 - share)) ** 2))
 
 
-class Footprint:
-    """Division by a rig's footprint and blur on one lattice of pixels."""
+def _smoothing(rig: Rig, optics: Optics) -> list[Float]:
+    """Weights (7,) of pixels along u and v that leave nothing of the LCD's pixels."""
+    u, v = ((n - 1) / 2 for n in (rig.camera.columns, rig.camera.rows))
+    at, along_u, along_v = optics.trace(np.array([u, u + 1, u]), np.array([v, v, v + 1]), optics.rest).q
+    out = []
+    for per_px in (along_u[0] - at[0], along_v[1] - at[1]):
+        seen = abs(per_px - np.rint(per_px))
+        shortest = np.sin(np.pi * (seen if seen > _SHORT_WAVES else 0.5))
+        out.append(np.eye(7)[3] - _SINE_6 / shortest**6)
+    return out
 
-    def __init__(self, rig: Rig, lattice: PixelLattice) -> None:
+
+class Footprint:
+    """A rig's footprint and blur on one lattice of pixels: divided out, or what both leave without noise.
+
+    divide: whether they are divided out, as far as the rig states them.
+    """
+
+    def __init__(self, rig: Rig, optics: Optics, lattice: PixelLattice, divide: bool = True) -> None:
         rows, cols = lattice.grid.image_shape
         v, u = np.ogrid[lattice.box[0], lattice.box[1]]
         s, t = np.broadcast_arrays(2.0 * u / (cols - 1) - 1.0, 2.0 * v / (rows - 1) - 1.0)
-        self._sharpening = 0.5 * (rig.camera.psf_px**2 + _PIXEL_PX2)
-        self.divides = rig.camera.pupil_mm > 0.0
+        sharpening = 0.5 * (rig.camera.psf_px**2 + _PIXEL_PX2) if divide else 0.0
+        sharper = [-sharpening, 1.0 + 2.0 * sharpening, -sharpening]
+        self._kernels = [np.convolve(one, sharper) for one in _smoothing(rig, optics)]
+        self._known = rig.camera.pupil_mm > 0.0
+        self.divides = self._known and divide
         self._shape = lattice.shape
-        if not self.divides:
+        if not self._known:
             return
         shift = np.einsum("rck,kij->rcij", quadratic_terms(s, t), footprint_terms(rig))
         across2, down2 = ((shift[..., i, :] ** 2).sum(axis=-1) for i in (0, 1))
@@ -65,9 +93,7 @@ class Footprint:
             self._sizes.append((across, down))
         self._fast = tuple(next_fast_len(n, real=True) for n in lattice.shape)
         fast_down, fast_across = (np.pi * np.arange(n) / n for n in self._fast)
-        self._inverses = [
-            self._inverse(*one, fast_across, fast_down).astype(np.float32) for one in self._sizes
-        ]
+        self._gains = [self._gain(*one, fast_across, fast_down).astype(np.float32) for one in self._sizes]
 
     def _share(self, size: int) -> Single:
         """Weight (rows, cols) of a size of the footprint: exact to second order in the wave number."""
@@ -77,35 +103,44 @@ class Footprint:
     def gains(self) -> Iterator[tuple[Single | float, Float]]:
         """(rows, cols) by which the cosines' noise is multiplied, and the share of each in every pixel."""
         k_down, k_across = (np.pi * np.arange(n) / n for n in self._shape)
-        sharp = [1.0 + 2.0 * self._sharpening * (1.0 - np.cos(k)) for k in (k_down, k_across)]
-        gain: Float = np.outer(*sharp)
-        if not self.divides:
+        reach = np.arange(len(self._kernels[0])) - len(self._kernels[0]) // 2
+        both = zip((k_down, k_across), self._kernels[::-1], strict=True)
+        gain: Float = np.outer(*(np.cos(np.outer(k, reach)) @ kernel for k, kernel in both))
+        if not self._known:
             yield 1.0, gain
             return
         for k, one in enumerate(self._sizes):
-            yield self._share(k), gain * self._inverse(*one, k_across, k_down)
+            yield self._share(k), gain * self._gain(*one, k_across, k_down)
 
-    def _inverse(self, across: float, down: float, k_across: Float, k_down: Float) -> Float:
-        """G (rows, cols) of the cosines for a footprint of these half widths, px."""
-        return regularised_inverse(response(np.hypot(across * k_across, (down * k_down)[:, None])))
+    def _gain(self, across: float, down: float, k_across: Float, k_down: Float) -> Float:
+        """G, or F G, (rows, cols) of the cosines for a footprint of these half widths, px."""
+        share = response(np.hypot(across * k_across, (down * k_down)[:, None]))
+        return regularised_inverse(share) * (1.0 if self.divides else share)
 
-    def sharpened(self, d: Single, usable: Mask) -> Single:
-        """Displacement (rows, cols, 2), px, without the lens's and the pixel's blur.
+    def without_grid(self, d: Single, usable: Mask) -> Single:
+        """Displacement (rows, cols, 2), px, without the LCD's pixels, and the lens's and the camera's blur.
 
-        Where it is not usable it is 0 from then on.
+        It stays next to pixels that are not usable, where it is 0 from then on.
         """
-        kernel = np.array([-self._sharpening, 1.0 + 2.0 * self._sharpening, -self._sharpening])
         d[~usable] = 0.0
-        return np.asarray(cv2.sepFilter2D(d, -1, kernel, kernel, borderType=cv2.BORDER_REFLECT))
+        kernels, around = self._kernels, np.ones((len(self._kernels[0]),) * 2, np.uint8)
+        smooth = cv2.sepFilter2D(d, -1, kernels[0], kernels[1], borderType=cv2.BORDER_REFLECT_101)
+        out: Single = np.asarray(smooth, np.float32)
+        if not usable.all():
+            beside = cv2.erode(usable.view(np.uint8), around) == 0
+            out[beside] = d[beside]
+        return out
 
-    def divided(self, depth_mm: Single) -> Single:
-        """Depth (rows, cols), finite, divided by the footprint."""
+    def applied(self, depth_mm: Single) -> Single:
+        """Depth (rows, cols), finite, divided by the footprint, or without what it does not show."""
+        if not self._known:
+            return depth_mm
         rows, cols = depth_mm.shape
         more = self._fast[0] - rows, self._fast[1] - cols
         # mirrored at the border, as the transform itself has it
         whole = cv2.copyMakeBorder(depth_mm, 0, more[0], 0, more[1], borderType=cv2.BORDER_REFLECT)
         waves = dctn(np.asarray(whole), norm="ortho", overwrite_x=True)
         out = np.zeros((rows, cols), np.float32)
-        for k, inverse in enumerate(self._inverses):
-            out += self._share(k) * idctn(waves * inverse, norm="ortho", overwrite_x=True)[:rows, :cols]
+        for k, gain in enumerate(self._gains):
+            out += self._share(k) * idctn(waves * gain, norm="ortho", overwrite_x=True)[:rows, :cols]
         return out

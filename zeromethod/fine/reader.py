@@ -58,10 +58,8 @@ class FineReader:
         self._lattice = PixelLattice(grid)
         self._reader = SurfaceReader(rig, optics, grid)
         self._integrator = PixelIntegrator(self._lattice.shape)
-        self._footprint = Footprint(rig, self._lattice) if divide else None
-        self._detail_noise = DetailNoise(
-            grid.period_px, None if self._footprint is None else self._footprint.gains
-        )
+        self._footprint = Footprint(rig, optics, self._lattice, divide)
+        self._detail_noise = DetailNoise(grid.period_px, self._footprint.gains)
         self._last = np.zeros(self._lattice.shape, np.float32)
 
     def read(self, frames: Sequence[FineFrame]) -> FineSurface:
@@ -90,9 +88,7 @@ class FineReader:
         away = continue_smoothly(
             nodes.window - nodes.offset, np.asarray(np.isfinite(nodes.window).all(axis=-1))
         )[inner]
-        footprint = self._footprint
-        if footprint is not None:
-            d = footprint.sharpened(d, seen)
+        d = self._footprint.without_grid(d, seen)
         pixel_detail(lattice, nodes.shown, away, share, d, seen)
         variance[~seen] = np.float32(_MOST_SIGMA_PX**2)
         # what moves may blur within the frames: there the nodes are read all the same
@@ -105,10 +101,10 @@ class FineReader:
         valid = largest_part(valid & np.isfinite(slope[0] + slope2[0] + slope2[1]))
         x, y = lattice.to_pixels(np.stack([surface.x_mm[inner], surface.y_mm[inner]]))
         depth = self._integrated(slope, slope2, x, y, coarse_depth, valid, surface.anchor.mask[inner])
-        if footprint is not None and footprint.divides:
-            before, depth = depth, footprint.divided(depth)
+        before, depth = depth, self._footprint.applied(depth)
+        if depth is not before:
             slope += gradient(depth - before, x, y)
-            del before
+        del before
         variance_mm2 = self._depth_variance(surface, x, y, slope2, share, valid)
         slope2 *= share**2
         if (share < 1.0).any():
@@ -129,7 +125,7 @@ class FineReader:
             time_ns=surface.time_ns,
             frames=len(frames),
             coarse=surface,
-            footprint_divided=footprint is not None and footprint.divides,
+            footprint_divided=self._footprint.divides,
             spacing_px=self._grid.spacing_px,
         )
 

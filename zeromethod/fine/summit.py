@@ -17,9 +17,9 @@ _LEAST_PX = 4
 """Half width of the least square of pixels: a fifth of a millimetre on the packaged bench."""
 _TOPS = 0.7, 0.85, 0.93
 """Share of the largest depth that a pixel of the top has, until a quartic describes it."""
-_NOISES, _SHARE = 3.0, 5e-5
-"""Most that a quartic may miss a top by, rms: so many times what it misses the least square by, or a share
-of the depth."""
+_NOISES, _SHARE = 4.0, 5e-5
+"""Most that a quartic may miss a top by, rms: so many times what it misses the least square by (noise alone,
+which has every wavelength, makes 2.6 to 3.4 over a top of 8,000 pixels), or a share of the depth."""
 _MOST_PIXELS = 20_000
 _PLACES = 41
 """Places along each side at which the quartic is looked at."""

@@ -27,7 +27,7 @@ class FineSurface:
         Standard deviation of depth against the mirror as the pupil and the lens show it (and, where `share`
         is below 1, as the sensing window does).
     sigma_slope : (rows, cols, 2) float32
-        Standard deviation of slope, rad.
+        Standard deviation of each pixel's own slope, rad, before what smoothing and division make of it.
     valid : (rows, cols) bool
         Pixels that were read.
     share : (rows, cols) float32

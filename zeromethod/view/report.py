@@ -147,7 +147,7 @@ def _pixel_maps(recording: Recording) -> list[dict[str, str]]:
         return []
     depth_mm, x_mm, y_mm = surface.peak
     sigma_um = 1e3 * surface.sigma_near(x_mm, y_mm)
-    said = f"step {step}: {1e3 * depth_mm:.4f} +- {sigma_um:.4f} µm at {x_mm:.2f}, {y_mm:.2f} mm"
+    said = f"step {step}: {1e3 * depth_mm:.4f} ± {sigma_um:.4f} µm at {x_mm:.2f}, {y_mm:.2f} mm"
     return [{"name": "every pixel", "svg": pixel_map(surface), "words": f"{said}; {surface.frames} frames"}]
 
 

@@ -75,12 +75,14 @@ def contact_figures(recording: Recording) -> list[Figures]:
 
 
 def fine_figures(recording: Recording) -> Figures | None:
-    """How many fine surfaces were read, and the last one's peak; None of none."""
+    """How many fine surfaces were read, the last one's peak and the largest |peak|; None of none."""
     peaks = recording.fine_peaks
     if not len(peaks):
         return None
     names = ("depth_mm", "depth_sigma_mm", "x_mm", "y_mm", "valid_share")
-    return {"surfaces": len(peaks)} | {name: float(peaks[-1][name]) for name in names}
+    last, largest = peaks[-1], peaks[np.argmax(np.nan_to_num(np.abs(peaks["depth_mm"]), nan=-1.0))]
+    found = {"surfaces": len(peaks)} | {name: float(last[name]) for name in names}
+    return found | {"largest": {name: float(largest[name]) for name in names[:4]}}
 
 
 def read_peaks(recording: Recording) -> Image:

@@ -69,6 +69,11 @@ def summary_rows(figures: Figures, rig: Rig) -> Iterator[tuple[str, str]]:
     for label, key in (("peak of largest |depth|", "largest"), ("last peak", "last")):
         if (peak := figures[key]) is not None:
             yield label, peak_words(peak)
+    if figures["fine"] is not None:
+        one = figures["fine"]["largest"]
+        place = f"x = {one['x_mm']:z.2f}, y = {one['y_mm']:z.2f} mm"
+        depth = f"{1e3 * one['depth_mm']:z.4f} ± {1e3 * one['depth_sigma_mm']:.4f} µm"
+        yield "peak on every pixel", f"{depth} at {place}, of {figures['fine']['surfaces']} readings"
     for one in figures["contacts"]:
         area = f"{one['area_mm2']:.3f} ± {one['sigma_area_mm2']:.3f} mm²"
         place = f"at ({one['x_mm']:.3f}, {one['y_mm']:.3f}) mm"
