@@ -55,6 +55,27 @@ FUNCTIONS = {
 }
 
 
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: zm.plot(None), "plot: surface: NoneType: a Surface"),
+        (lambda: zm.peak(None), "peak: surface: NoneType: a Surface"),
+        (lambda: zm.plot_run([]), "plot_run: run: list: a Session, or its result"),
+        (lambda: zm.summarise(None), "summarise: result: NoneType: the result of a session"),
+        (lambda: zm.open_devices("simulated"), "open_devices: rig: str: a Rig, as load_rig gives it"),
+        (lambda: zm.Optics(None), "Optics: rig: NoneType: a Rig"),
+        (lambda: zm.binned("simulated", 2), "binned: rig: str: a Rig"),
+        (lambda: zm.load_rig(None), "rig: NoneType: a file, or one of the packaged"),
+        (lambda: zm.open_recording(None), "recording: NoneType: a file"),
+        (lambda: zm.run_study(3), "study: int: a Study"),
+    ],
+)
+def test_an_argument_of_another_type_is_refused_in_one_line(call, words: str) -> None:
+    with pytest.raises(zm.InputError, match=f"^{words}") as refused:
+        call()
+    assert "\n" not in str(refused.value)
+
+
 def test_every_command_has_its_function():
     # the virtual bench is another process by nature: it takes the place of prism and camera
     assert set(FUNCTIONS) | {"virtual-bench", "compile"} == set(_COMMANDS)

@@ -5,13 +5,23 @@ import warnings
 import pytest
 from command_line import run
 
-from zeromethod.cli.output import write_summary
+from zeromethod.cli.output import folder_for, write_summary
 from zeromethod.errors import InputError
 
 
 def test_a_summary_that_cannot_be_written_is_named(tmp_path):
     with pytest.raises(InputError, match=r"^--summary: .*b\.json: cannot be written: No such file"):
         write_summary(tmp_path / "gone" / "b.json", {})
+
+
+def test_a_folder_in_which_nothing_was_kept_is_removed_with_those_made_for_it(tmp_path):
+    folder = tmp_path / "calibrations" / "bench"
+    with folder_for("--rig", folder):
+        assert folder.is_dir()
+    assert list(tmp_path.iterdir()) == []
+    with folder_for("--rig", folder):
+        (tmp_path / "calibrations" / "checks.csv").touch()
+    assert [path.name for path in tmp_path.rglob("*")] == ["calibrations", "checks.csv"]
 
 
 def test_a_warning_is_one_line(capsys):

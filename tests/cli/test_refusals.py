@@ -66,6 +66,7 @@ REFUSALS = [
     ("virtual-bench --scenario nothing", "--scenario: nothing: a press file (.toml), or one of approach"),
     ("run --rig jelly.toml", 'rubber.support: "jelly": one of "bonded", "sliding", "free", or a table of'),
     ("run --gain 2", "--gain: 2: a number above 0, at most 1"),
+    ("run --view --publish foo", "--publish: 'foo': not an address: tcp://HOST:PORT with a free port"),
     ("run --frames 0", "--frames: 0: a whole number from 1"),
     ("run --frames 3 --seconds 1", "--frames and --seconds: give one of them, not both"),
     ("run --rig ring.toml", "light.ring_mm: [30.0, 20.0]: inner, outer with inner below outer"),
@@ -93,6 +94,23 @@ REFUSALS = [
     ("check --depth-sigma nan", "--depth-sigma: nan: a number above 0"),
     ("check --rig nowhere.toml", "nowhere.toml"),
     ("check --display 1", UNSEEN),
+    # arrays of LEDs and photodetectors
+    ("run --rig leds --fine", "--fine: not with rig 'leds': arrays have --camera, --simulate"),
+    ("run --rig leds --passive", "--passive: not with rig 'leds': arrays have"),
+    ("run --rig leds --display 1", "--display: not with rig 'leds': arrays have"),
+    ("run --rig leds --view :0", "--view: not with rig 'leds': arrays have"),
+    ("run --rig leds --frames 3 --seconds 1", "--frames and --seconds: give one of them, not both"),
+    ("run --rig leds --camera 0", "arrays.address: '0': allowed: \"simulated\", udp://HOST:PORT, or serial"),
+    ("run --rig leds --camera serial:///dev/none", "'serial:///dev/none': cannot be opened: No such file"),
+    ("run --rig leds --simulate --camera udp://h:1", "--simulate and --camera: give one of them, not both"),
+    ("run --rig leds --scenario nothing", "--scenario: nothing: a press file (.toml), or one of"),
+    ("run --rig leds --publish here", "--publish: 'here': not an address"),
+    ("run --rig leds --record notes.h5", "is there already"),
+    ("run --rig arrays.toml", 'leds.spot_mm: 5.0: 0.35 to 0.8 of leds.pitch_mm: narrower spots leave gaps'),
+    ("design leds", 'arrays of LEDs and photodetectors have no camera: only `run` and `replay` take'),
+    ("calibrate --rig leds", '--rig: "leds": arrays of LEDs and photodetectors have no camera: only `run`'),
+    ("check --rig leds", '--rig: "leds": arrays of LEDs and photodetectors have no camera: only `run`'),
+    ("check --rig arrays.toml", "arrays.toml: [leds]: arrays of LEDs and photodetectors have no camera"),
     # recordings
     ("run --keep frames", "--keep: only with --record FILE.h5"),
     ("run --every 2", "--every: only with --record FILE.h5"),
@@ -335,6 +353,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     save_values(small, {"camera.driver": "opencv", "camera.source": 0}, folder / "opencv.toml")
     text = small.read_text()
     (folder / "jelly.toml").write_text(text.replace('support = "free"', 'support = "jelly"'))
+    arrays = resource("calibration", "rigs", "leds.toml").read_text()
+    (folder / "arrays.toml").write_text(arrays.replace("spot_mm = 1.0", "spot_mm = 5.0"))
     watched = resource("calibration", "rigs", "contactless.toml").read_text()
     (folder / "odd.toml").write_text(watched.replace("columns = 320 ", "columns = 321 "))
     (folder / "lit.toml").write_text(text + '\n[light]\nsource = "lamp"\n')

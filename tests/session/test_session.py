@@ -199,7 +199,7 @@ def test_a_recording_holds_both_runs_and_reads_again_bit_for_bit(tmp_path):
     path = tmp_path / "two.h5"
     with zm.Session(simulated_rig("hold"), record=path) as session:
         numbers = [step.number for _ in range(2) for step in session.run(frames=5)]
-    assert session.result.recording == ""
+    assert session.result.recording_trouble == ""
     with zm.open_recording(path) as recording:
         assert recording.complete
         steps = recording.steps

@@ -17,7 +17,7 @@ import zeromethod as zm
 from benchmarks.rigs import coarser
 from zeromethod import load_rig, summarise
 from zeromethod.view.axes import colour_bar
-from zeromethod.view.figure import _draw_pressure, _title, plot_run
+from zeromethod.view.figure import _draw_pressure, _section, _title, plot_run
 
 
 @pytest.mark.parametrize("frames", [1, 8])
@@ -31,6 +31,30 @@ def test_a_run_on_the_papers_bench_that_ended_early_is_drawn(frames: int, tmp_pa
     assert session.result.interrupted
     assert (tmp_path / "p.png").stat().st_size > 10_000
     assert [path.name for path in tmp_path.iterdir()] == ["p.png"]
+
+
+def test_a_run_that_ended_before_the_hold_says_so_in_place_of_what_it_has_not() -> None:
+    rig = coarser(load_rig("simulated"), 8)
+    with zm.Session(rig) as session:
+        assert len(list(session.run(frames=5))) == 5
+        figure = plot_run(session)
+    said = [text.get_text() for axis in figure.axes for text in axis.texts]
+    assert said.count("the run ended\nbefore the hold") == 9
+    assert "never nulled" not in said
+
+
+def test_the_true_depth_is_not_drawn_across_a_hole() -> None:
+    read = surface(outwards(ball, 0.02), (0.0, 0.0))
+    row = int(np.unravel_index(np.argmax(np.abs(read.depth_mm) * read.valid), read.valid.shape)[0])
+    hole = np.flatnonzero(read.valid[row])[3:6]
+    read.valid[row, hole] = False
+    truth: Any = SimpleNamespace(depth=lambda x_mm, y_mm: 1e-3 * np.hypot(x_mm, y_mm))
+    axis = Figure().subplots()
+    _section(axis, read, truth)
+    line = next(line for line in axis.lines if line.get_label() == "truth")
+    drawn = np.asarray(line.get_ydata())
+    assert np.isnan(drawn[hole]).all()
+    assert np.isfinite(drawn[read.valid[row]]).all()
 
 
 def test_the_title_compares_the_peak_with_the_deepest_true_point() -> None:

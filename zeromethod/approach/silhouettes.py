@@ -30,7 +30,7 @@ SOME = 7
 class Silhouette:
     """One thing before the background: its pixels by `rows` and `cols`, and how much of each it covers.
 
-    cut: the view ends before it does, along the columns of the image.
+    cut: the view ends before it does; aside: beside it, along the rows of the image.
     """
 
     rows: slice
@@ -38,6 +38,7 @@ class Silhouette:
     cover: Float
     darker: bool
     cut: bool
+    aside: bool
 
 
 class Background:
@@ -52,7 +53,7 @@ class Background:
         self._noise_grey = 3.0
 
     def look(self, grey: Single) -> list[Silhouette]:
-        """Silhouettes that no side of the view cuts; grey: (rows, cols) above black."""
+        """Silhouettes; grey: (rows, cols) above black."""
         if self._median is None:
             self._median = grey.copy()
             return []
@@ -71,9 +72,11 @@ class Background:
         count, labels, stats, _ = cv2.connectedComponentsWithStats(stands, connectivity=8)
         beside, ends = (set(np.unique(labels[rim]).tolist()) for rim in (self._sides, self._ends))
         largest = 1 + np.argsort(-stats[1:count, cv2.CC_STAT_AREA])[:MOST]
-        whole = (k for k in largest if stats[k, cv2.CC_STAT_AREA] >= LEAST_PX and k not in beside)
-        before = off, self._median, least
-        return [_silhouette(*before, labels == k, stats[k], cut=int(k) in ends) for k in whole]
+        found = []
+        for k in map(int, largest[stats[largest, cv2.CC_STAT_AREA] >= LEAST_PX]):
+            parts = off, self._median, least, labels == k, stats[k]
+            found.append(_silhouette(*parts, cut=k in beside | ends, aside=k in beside))
+        return found
 
 
 def _rim(valid: Mask, kernel: Float) -> Mask:
@@ -83,7 +86,7 @@ def _rim(valid: Mask, kernel: Float) -> Mask:
 
 
 def _silhouette(
-    off: Single, background: Single, least: float, own: Mask, stats: Float, *, cut: bool
+    off: Single, background: Single, least: float, own: Mask, stats: Float, *, cut: bool, aside: bool
 ) -> Silhouette:
     left, top, width, height = (int(stats[k]) for k in range(4))
     rows = slice(max(top - RIM_PX, 0), min(top + height + RIM_PX, off.shape[0]))
@@ -99,4 +102,4 @@ def _silhouette(
     full = np.minimum(own_grey - behind, -least) if darker else np.maximum(own_grey - behind, least)
     # noise beside it must cancel out, and inside it is covered whatever its shade
     cover = np.where(cv2.dilate(inside, _NEAR) > 0, np.minimum(seen / full, 1.0), 0.0)
-    return Silhouette(rows, cols, np.where(core, 1.0, cover), darker, cut)
+    return Silhouette(rows, cols, np.where(core, 1.0, cover), darker, cut, aside)

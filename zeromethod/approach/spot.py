@@ -13,11 +13,13 @@ from zeromethod.arrays import Float
 _PASSES = 4
 LONG = 1.35
 """Longer axis over the shorter one, from which a thing is a rod, taken as round across."""
-HIGHEST_MM = 400.0
+HIGHEST_MM = 200.0
 MISS_MM, MISS_SHARE = 1.0, 0.01
 """By how much the two views may disagree across the direction that says how high a thing is: mm and a share
 of the height."""
 ALIKE = 1.6
+SPARSE, EDGE_MM = 5, 2.0
+"""One ray in so many says how far a view reaches; this much of it at the sides is left out."""
 """Most ratio of the areas in the two views."""
 
 
@@ -46,7 +48,10 @@ def spot_of(exits: tuple[Exits, Exits], pair: tuple[Silhouette, Silhouette]) -> 
     """What two silhouettes are together; None where they do not belong together."""
     z = 30.0
     for _ in range(_PASSES):
-        left, right = (_Planar(e, s, z) for e, s in zip(exits, pair, strict=True))
+        common = _common(exits, z) if pair[0].aside or pair[1].aside else None
+        left, right = (_Planar(e, s, z, common) for e, s in zip(exits, pair, strict=True))
+        if min(left.area_mm2, right.area_mm2) <= 0.0:
+            return None
         between = left.tangent - right.tangent
         apart = left.place - right.place
         z -= float(apart @ between / (between @ between))
@@ -75,17 +80,34 @@ def spot_of(exits: tuple[Exits, Exits], pair: tuple[Silhouette, Silhouette]) -> 
     return Spot(place, radius, round_, weight, lever, slant2, cut, doubt)
 
 
+def _common(exits: tuple[Exits, Exits], z: float) -> tuple[Float, float, float]:
+    """Direction (2,) across both views, and from where to where along it, mm, both see the plane at z."""
+    middles = [one.tangent[one.valid].mean(axis=0) for one in exits]
+    direction = (middles[0] - middles[1]) / np.linalg.norm(middles[0] - middles[1])
+    seen = [(one.foot + z * one.tangent)[one.valid][::SPARSE] @ direction for one in exits]
+    least, most = max(float(one.min()) for one in seen), min(float(one.max()) for one in seen)
+    return direction, least + EDGE_MM, most - EDGE_MM
+
+
 class _Planar:
     """A silhouette as it lies on the plane at height z: area, middle, second moments (2, 2) mm^2."""
 
-    def __init__(self, exits: Exits, silhouette: Silhouette, z: float) -> None:
+    def __init__(
+        self, exits: Exits, silhouette: Silhouette, z: float, common: tuple[Float, float, float] | None
+    ) -> None:
+        """common: of what the sides cut only this part counts, which both views see."""
         window = silhouette.rows, silhouette.cols
         foot, tangent = exits.foot[window], exits.tangent[window]
         place: Float = foot + z * tangent
         by_row, by_col = (np.gradient(place, axis=axis) for axis in (0, 1))
         pixel_mm2: Float = np.abs(by_row[..., 0] * by_col[..., 1] - by_row[..., 1] * by_col[..., 0])
         weight = silhouette.cover * pixel_mm2 * exits.valid[window]
+        if common is not None:
+            aside = place @ common[0]
+            weight = weight * ((aside > common[1]) & (aside < common[2]))
         self.area_mm2 = float(weight.sum())
+        if self.area_mm2 <= 0.0:
+            return
         share: Float = weight / self.area_mm2
         self.place: Float = np.einsum("ij,ijk->k", share, place)
         self.tangent: Float = np.einsum("ij,ijk->k", share, tangent)

@@ -22,6 +22,8 @@ SIGNIFICANT = 4.0
 SOON_S = 2.5
 """A touch that is farther away arms nothing."""
 SLOWEST_MM_S = 3.0
+JUMP_MM, JUMP_SHARE = 1.0, 0.02
+"""Scatter of heights about a straight line, mm and a share of the height, from which nothing comes."""
 MISSED_S = 0.12
 """How long a track goes on without a spot."""
 KEPT_S = 0.5
@@ -41,7 +43,7 @@ class Track:
 
     def __init__(self, now_ns: int, spot: Spot) -> None:
         self._seen: deque[tuple[float, Float]] = deque(maxlen=64)
-        self._start_ns, self._cut, self._long = now_ns, True, True
+        self._start_ns, self._cut, self._long, self._whole = now_ns, True, True, 0
         self._radii: deque[float] = deque(maxlen=30)
         self._rounds: deque[tuple[float, float]] = deque(maxlen=256)
         self.time_ns = now_ns
@@ -61,18 +63,29 @@ class Track:
         """Take in a spot."""
         self.time_ns, place = now_ns, spot.place
         self._lever_mm, self._slant2, self._doubt_mm = spot.lever_mm, spot.slant2, spot.doubt_mm
-        if not spot.cut and self._cut:
-            self._radii.clear()
+        self._whole = 0 if spot.cut else self._whole + 1
+        if self._cut and self._whole == LEAST_SPOTS:
+            # only now its middle and size are known
             self._cut = False
+            for seen in (self._seen, self._radii):
+                while len(seen) >= LEAST_SPOTS:
+                    seen.popleft()
         if not spot.cut or self._cut:
             self._radii.append(spot.radius_mm)
             self._long = not np.isfinite(spot.round_)
         else:
-            # what was seen whole is only partly in view now: along x its middle is not
-            place = np.array([self.last[0], *place[1:]])
+            # what was seen whole is only partly in view now: its height is, its middle is not
+            place = np.array([*self._expected(now_ns), place[2]])
         if np.isfinite(spot.round_):
             self._rounds.append((spot.round_, spot.weight))
         self._seen.append((1e-9 * (now_ns - self._start_ns), place))
+
+    def _expected(self, now_ns: int) -> Float:
+        """(2,) mm, where it is by now if it goes on as over the last spots."""
+        (before_s, before), (last_s, last) = self._seen[max(-len(self._seen), -8)], self._seen[-1]
+        gone_s = 1e-9 * (now_ns - self._start_ns) - last_s
+        rate = (last - before) / max(last_s - before_s, 1e-3)
+        return np.asarray((last + gone_s * rate)[:2])
 
     def _roundness(self) -> tuple[float, float]:
         """(roundness, sigma) of all spots, from 0, flat, to 1, round; what is near either counts as that."""
@@ -87,8 +100,11 @@ class Track:
                 return simple, 0.5 * sigma
         return float(np.clip(mean, 0.0, 1.0)), sigma
 
-    def _fitted(self) -> tuple[Float, Float, Float, Float]:
-        """Place and velocity now, (3,), and their sigmas: of the longest time that is straight."""
+    def _fitted(self) -> tuple[Float, Float, Float, Float, float]:
+        """Place and velocity now, (3,), their sigmas, and the scatter of heights, mm.
+
+        They are those of the longest time in which it went straight.
+        """
         times, places = np.array([t for t, _ in self._seen]), np.array([p for _, p in self._seen])
         least = FLOOR_MM + FLOOR_SHARE * abs(places[-1, 2]) + self._doubt_mm
         floor = np.array([0.5, 0.5, 1.0]) * least
@@ -104,13 +120,13 @@ class Track:
                 break
         spread = np.linalg.inv(design.T @ design)
         sigma = np.sqrt(np.diag(spread))[:, None] * np.maximum(scatter, floor)
-        return fitted[0], fitted[1], sigma[0], sigma[1]
+        return fitted[0], fitted[1], sigma[0], sigma[1], float(scatter[2])
 
     def approach(self) -> Approach:
         """What is known of it."""
         if len(self._seen) < LEAST_SPOTS:
             return Approach(watching=Watching.SEEN, time_ns=self.time_ns)
-        place, velocity, sigma_place, sigma_velocity = self._fitted()
+        place, velocity, sigma_place, sigma_velocity, scatter_mm = self._fitted()
         radius, (round_, sigma_round) = float(np.median(self._radii)), self._roundness()
         # a ball's silhouette is that of the cone around it: nearer than its middle, and smaller than it
         away = max(float(place[2]), 0.0) + self._lever_mm
@@ -119,19 +135,22 @@ class Track:
         radius /= np.sqrt(1.0 - round_ * narrow)
         height, speed, sigma_speed = place[2] - round_ * below, -velocity[2], sigma_velocity[2]
         sigma_height = float(np.hypot(sigma_place[2], sigma_round * below))
+        share = 0.3 if self._cut else 0.04 if self._long else 0.01
         figures = {
             "height_mm": height, "sigma_height_mm": sigma_height,
             "speed_mm_s": speed, "sigma_speed_mm_s": sigma_speed,
             "diameter_mm": 2 * radius,
-            "sigma_diameter_mm": 2 * ((0.3 if self._cut else 0.01) * radius + 0.06),
+            "sigma_diameter_mm": 2 * (share * radius + 0.06),
         }  # fmt: skip
         state = Watching.SEEN
-        if speed > max(SIGNIFICANT * sigma_speed, SLOWEST_MM_S):
+        # what jumps about is no body: shadows that were taken for one another
+        straight = scatter_mm < JUMP_MM + JUMP_SHARE * max(float(place[2]), 0.0)
+        if straight and speed > max(SIGNIFICANT * sigma_speed, SLOWEST_MM_S):
             contact = height / speed
             sigma_contact = float(np.hypot(sigma_height, contact * sigma_speed)) / speed
             x, y, _ = place + contact * velocity
             off = np.hypot(np.hypot(sigma_place, contact * sigma_velocity), sigma_contact * np.abs(velocity))
-            off[0] += 0.5 * radius if self._cut else 0.0
+            off[:2] += 2.0 * radius if self._cut else 0.0
             figures |= {
                 "contact_s": contact, "sigma_contact_s": sigma_contact,
                 "x_mm": x, "y_mm": y, "sigma_x_mm": off[0], "sigma_y_mm": off[1],

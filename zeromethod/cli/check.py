@@ -23,7 +23,7 @@ from zeromethod.cli.device_options import (
     with_given,
 )
 from zeromethod.cli.numbers import Real
-from zeromethod.cli.output import TerminalPrompts, check_folder, summary_option, write_summary, writing
+from zeromethod.cli.output import TerminalPrompts, folder_for, summary_option, write_summary, writing
 from zeromethod.cli.stopping import stopped_by_signals
 from zeromethod.commissioning.daily_check.check import check_bench
 from zeromethod.commissioning.daily_check.findings import DailyCheck, Fitness
@@ -84,11 +84,10 @@ def check_command(
         check_depths(rig, (press_depth_mm,), "--press-depth")
     say_simulated(rig)
     log = log_of(rig_name)
-    check_folder("--rig", log.parent)
     stored = calibration_of(rig_name)
     limit_threads()
     try:
-        with stopped_by_signals(), opened_devices(rig) as devices:
+        with stopped_by_signals(), folder_for("--rig", log.parent), opened_devices(rig) as devices:
             if stored is not None:
                 check_calibration(stored, rig_name, rig, devices)
             elif not is_known(rig, devices.camera):

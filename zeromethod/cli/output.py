@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -84,6 +84,19 @@ def check_folder(option: str, path: Path | None) -> None:
         raise InputError(f"{option}: {path}: must be a folder that can be made ({error.strerror})") from error
     with writing(option, path):
         check_writable(path / "x")
+
+
+@contextmanager
+def folder_for(option: str, path: Path) -> Iterator[None]:
+    """Make an output folder as `check_folder` does; what was made and stays empty is removed again."""
+    made = [one for one in (path, *path.parents) if not one.exists()]
+    check_folder(option, path)
+    try:
+        yield
+    finally:
+        for one in made:
+            with suppress(OSError):  # something was kept in it
+                one.rmdir()
 
 
 @contextmanager

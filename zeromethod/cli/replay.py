@@ -14,6 +14,7 @@ import numpy as np
 from rich.console import Console
 
 from zeromethod.cli.device_options import control_options, given_options, given_rig
+from zeromethod.cli.light_array import replay_light_array
 from zeromethod.cli.numbers import Real
 from zeromethod.cli.output import OutputFile, figure_option, summary_option, write_summary
 from zeromethod.cli.page_options import page_options
@@ -21,12 +22,13 @@ from zeromethod.cli.recording_options import open_recording, recording_argument,
 from zeromethod.cli.replay_page import watch_recording
 from zeromethod.cli.stopping import stopped_by_signals
 from zeromethod.errors import InputError
+from zeromethod.light_array.recording import is_light_recording
 from zeromethod.optics import check_geometry
 from zeromethod.recording.recording import Recording
 from zeromethod.rig.model import Rig
 from zeromethod.session.replay.closed_loop import ClosedLoopReplay, recorded_track, simulated_bench
 from zeromethod.session.replay.comparison import figures_of, rejection
-from zeromethod.session.replay.mirror import RecordedMirror
+from zeromethod.session.replay.mirror import RecordedMirror, contacts_left_out
 from zeromethod.session.replay.replay import Mode, evaluated_again
 from zeromethod.session.replay.settings import with_settings
 from zeromethod.session.replay.track import Track
@@ -104,6 +106,9 @@ def replay_command(**options: Any) -> None:
     surface, and the statistics are the same. With --set, --gain, ... the same is done with
     other settings, for comparison.
     """
+    if is_light_recording(options["file"]):
+        replay_light_array(options["file"], given_options(click.get_current_context()), options["summary"])
+        return
     view, control = options.pop("view"), options.pop("control")
     asked = _Asked(**options)
     if view is not None or control is not None:
@@ -199,7 +204,11 @@ def _close_loop(asked: _Asked, recording: Recording, window: Window, rig: Rig) -
         from zeromethod.view.replay_figure import draw_sessions  # noqa: PLC0415 - matplotlib loads slowly
 
         draw_sessions(curves, f"zeromethod  {recording.path.name}, loop closed again", asked.figure)
-    about = {"gl_renderer": session.gl_renderer, "changed": "changed" in rigs}
+    left_out = contacts_left_out(recording, window)
+    if left_out:
+        some = "a contact" if left_out == 1 else f"{left_out} contacts"
+        click.echo(f"! {some} of the recording left out: nothing touches the simulated bench", err=True)
+    about = {"gl_renderer": session.gl_renderer, "changed": "changed" in rigs, "contacts_left_out": left_out}
     return {**about, "sessions": sessions, "curves": curves}
 
 

@@ -27,6 +27,7 @@ from zeromethod.cli.device_options import (
 )
 from zeromethod.cli.first_rest import with_first_rest
 from zeromethod.cli.following import follow
+from zeromethod.cli.light_array import run_light_array
 from zeromethod.cli.numbers import Real, Whole
 from zeromethod.cli.output import figure_option, summary_option, write_summary, writing
 from zeromethod.cli.page_options import opened_page, page_options
@@ -37,11 +38,12 @@ from zeromethod.devices.abilities import exposure_setter_of
 from zeromethod.devices.addresses import with_watch_camera
 from zeromethod.devices.opening import open_devices
 from zeromethod.errors import InputError, MeasurementError
+from zeromethod.light_array.rig import load_light_array
 from zeromethod.loop.state import State
 from zeromethod.operating.readings import HISTORY
 from zeromethod.operating.run_table import RUN
 from zeromethod.optics import check_geometry
-from zeromethod.publishing.publisher import Publisher
+from zeromethod.publishing.publisher import Publisher, check_address
 from zeromethod.session.fine import with_moving_target
 from zeromethod.session.result import RunResult
 from zeromethod.session.session import Session
@@ -53,6 +55,13 @@ from zeromethod.view.table import summary_table
 
 _STRIPS = {True: "edges", False: "none", None: None}
 """Value of `[control] strips` for the option."""
+
+
+def _address(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:  # noqa: ARG001
+    """Refuse an address before anything is opened."""
+    if value is not None:
+        check_address(value)
+    return value
 
 
 @click.command(
@@ -78,7 +87,9 @@ _STRIPS = {True: "edges", False: "none", None: None}
     metavar="ADDRESS",
     help="The rig's second camera, which sees what comes: as for --camera.",
 )
-@click.option("--publish", metavar="ADDRESS", help="Publish every reading: tcp://127.0.0.1:5556.")
+@click.option(
+    "--publish", metavar="ADDRESS", callback=_address, help="Publish every reading: tcp://127.0.0.1:5556."
+)
 @recording_options
 @page_options
 @click.option(
@@ -144,11 +155,14 @@ def run_command(
     --display and --camera it runs on real devices until q, Ctrl-C, or --seconds; then p pauses corrections
     and z takes the mirror as it is for the mirror at rest.
     """
+    _check_length(frames, seconds)
+    if (arrays := load_light_array(rig_name)) is not None:
+        context = click.get_current_context()
+        run_light_array(arrays, given_options(context), context.params)
+        return
     names = ("recording", "keep", "every", "compress")
     recording = RecordingOptions(**{name: others.pop(name) for name in names})
     recording.check(given_options(click.get_current_context()))
-    if frames is not None and seconds is not None:
-        raise InputError("--frames and --seconds: give one of them, not both")
     options = BenchOptions(**others)
     rig = given_rig(rig_name, measured=not simulate)
     by = "--passive" if passive else f"rig {rig.name!r}, which is passive,"
@@ -227,8 +241,14 @@ def run_command(
                 folder=Path.cwd() if recording.recording is None else recording.recording.absolute().parent,
                 recorder=lambda path: replace(recording, recording=path).maker(stated, stored, fine),
             )
-        recording.report(session.result.recording)
+        recording.report(session.result.recording_trouble)
         _report(session.result, figure, summary)
+
+
+def _check_length(frames: int | None, seconds: float | None) -> None:
+    """Refuse two lengths of one run."""
+    if frames is not None and seconds is not None:
+        raise InputError("--frames and --seconds: give one of them, not both")
 
 
 def _check_passive(by: str, typed: list[str]) -> None:
@@ -251,7 +271,7 @@ def _report(result: RunResult, figure: Path | None, summary: Path | None) -> Non
             with writing("--figure", figure):
                 plot_run(result, figure)
     if result.recording_lost:
-        raise OSError(f"--record: {result.recording}")
+        raise OSError(f"--record: {result.recording_trouble}")
     if result.interrupted:
         raise KeyboardInterrupt
     if result.state is State.MOVED:

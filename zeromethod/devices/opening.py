@@ -24,7 +24,7 @@ from zeromethod.clock import Clock, HostClock, SimulatedClock
 from zeromethod.devices.abilities import poll_of
 from zeromethod.devices.protocols import Camera, Display
 from zeromethod.errors import InputError, MeasurementError
-from zeromethod.rig.model import CameraSpec, DisplaySpec, Rig
+from zeromethod.rig.model import CameraSpec, DisplaySpec, Rig, check_rig
 from zeromethod.worker import call_within
 
 Kind = Literal["camera", "display"]
@@ -205,6 +205,7 @@ def open_devices(rig: Rig, clock: Clock | None = None) -> Devices:
         For unknown drivers or options, devices that cannot be opened, and devices that are not
         what the rig says.
     """
+    check_rig("open_devices", rig)
     display_factory = load_driver("display", rig.display.driver)
     camera_factory = load_driver("camera", rig.camera.driver)
     if clock is None:

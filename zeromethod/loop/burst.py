@@ -290,7 +290,7 @@ class Burst:
             self.read = None
             self._failing.forget()
             return None
-        nodes = read.mask | (read.spare & (measured.flags & _CANNOT != 0))
+        nodes: Mask = read.mask | (read.spare & (measured.flags & _CANNOT != 0))
         measured.q[nodes] = read.q[nodes]
         measured.sigma[nodes] = np.sqrt(read.sigma[nodes] ** 2 + CARRIED**2 * moved2)
         measured.flags[nodes] = 0

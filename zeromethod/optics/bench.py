@@ -15,7 +15,7 @@ from zeromethod.optics.panel import Panel
 from zeromethod.optics.prism import PrismGeometry
 from zeromethod.optics.trace import Lost, Trace
 from zeromethod.optics.vectors import dot, reflect, unit
-from zeromethod.rig.model import Rig
+from zeromethod.rig.model import Rig, check_rig
 
 # in the order in which a ray meets them
 _REASONS = [np.uint8(reason) for reason in range(Lost.MISSES_CAMERA_FACE, Lost.BELOW_TIR)]
@@ -45,6 +45,7 @@ class Optics:
     """
 
     def __init__(self, rig: Rig) -> None:
+        check_rig("Optics", rig)
         self.rig = rig
         self.prism = PrismGeometry(rig.prism)
         self.camera = Camera.place(rig.camera)

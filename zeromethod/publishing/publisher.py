@@ -27,6 +27,13 @@ _LEAVING_S = 0.05
 """Time that `close` gives the last message to leave: newest-only sockets do not linger."""
 
 
+def check_address(address: str) -> None:
+    """Raise InputError for an address that nobody can be."""
+    parts = _ADDRESS.fullmatch(address)
+    if parts is None or (parts[2] != "*" and not 0 < int(parts[2]) <= _LAST_PORT):
+        raise InputError(f"--publish: {address!r}: not an address: {_ALLOWED}")
+
+
 class Publisher(AbstractContextManager["Publisher"]):
     """Publishes every step of a run; a subscriber gets the newest message only.
 
@@ -40,9 +47,7 @@ class Publisher(AbstractContextManager["Publisher"]):
         Raises InputError, one line, without pyzmq and for an address that is malformed, in use or not of this
         machine.
         """
-        parts = _ADDRESS.fullmatch(address)
-        if parts is None or (parts[2] != "*" and not 0 < int(parts[2]) <= _LAST_PORT):
-            raise InputError(f"--publish: {address!r}: not an address: {_ALLOWED}")
+        check_address(address)
         zmq = _import_zmq()
         self._clock = clock
         self._session = uuid.uuid4().hex

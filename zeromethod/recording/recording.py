@@ -64,9 +64,9 @@ class Recording(AbstractContextManager["Recording"]):
     """
 
     def __init__(self, path: str | Path) -> None:
-        self.path = Path(path)
         self._folder: tempfile.TemporaryDirectory[str] | None = None
-        self._source = RecordingFile(self.path)
+        self._source = RecordingFile(path)
+        self.path = self._source.path
         try:
             self._open()
         except BaseException:

@@ -13,7 +13,7 @@ import h5py
 import numpy as np
 
 from zeromethod.arrays import Image, Ints, Mask
-from zeromethod.errors import InputError
+from zeromethod.errors import InputError, check_type
 from zeromethod.recording.checksums import CHECKSUMS, checksum_of, checksums_of
 from zeromethod.recording.opening import Refusal, RefusedRecording, open_along
 
@@ -28,9 +28,10 @@ class DamagedWarning(UserWarning):
 class RecordingFile:
     """The file, open for reading. Parts that cannot be read raise RefusedRecording, one line."""
 
-    def __init__(self, path: Path) -> None:
-        """Open it. Raises RefusedRecording."""
-        self.path = path
+    def __init__(self, path: str | Path) -> None:
+        """Open it. Raises InputError, RefusedRecording."""
+        check_type("recording", path, str | Path, "a file that a session recorded (.h5)")
+        self.path = Path(path)
         self._warned: set[str] = set()
         self._silent = False
         self.left_out: dict[str, set[int]] = {}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from zeromethod.errors import InputError
-from zeromethod.rig.model import Rig
+from zeromethod.rig.model import Rig, check_rig
 
 _SMALLEST_PX = 64
 _PERIODS = 4
@@ -34,6 +34,7 @@ def binned(rig: Rig, factor: int) -> Rig:
         `factor` does not divide both axes, or leaves fewer pixels than a camera must have (64, and four
         periods of the target).
     """
+    check_rig("binned", rig)
     camera = rig.camera
     if type(factor) is not int or factor < 1 or camera.columns % factor or camera.rows % factor:
         raise InputError(

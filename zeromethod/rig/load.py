@@ -5,24 +5,34 @@ from __future__ import annotations
 import tomllib
 from pathlib import Path
 
-from zeromethod.errors import InputError
+from zeromethod.errors import InputError, check_type
 from zeromethod.resources import resource
 from zeromethod.rig.model import Rig
 from zeromethod.rig.refusal import shown
 
+LIGHT_ARRAYS = ("leds",)
+"""Packaged rigs of LED and photodetector arrays, which have no camera and a schema of their own."""
+
+
+_ARRAYS_ONLY = "arrays of LEDs and photodetectors have no camera: only `run` and `replay` take them"
+
 
 def packaged_rigs() -> list[str]:
-    """Names of the rigs that come with the package, sorted."""
-    return sorted(path.stem for path in resource("calibration", "rigs").glob("*.toml"))
+    """Names of the rigs with a camera that come with the package, sorted."""
+    names = {path.stem for path in resource("calibration", "rigs").glob("*.toml")}
+    return sorted(names - set(LIGHT_ARRAYS))
 
 
-def _path(name: str | Path) -> Path:
+def rig_path(name: str | Path) -> Path:
     """Find the packaged file of a bare name (no folder, no suffix), else take the path as it is."""
+    check_type("rig", name, str | Path, f"a file, or one of the packaged {', '.join(packaged_rigs())}")
     path = Path(name)
     if path.is_dir():
         raise InputError(f"rig: {shown(str(name))}: a folder: {_rig_in(path)}")
     if path.suffix or path.parent != Path() or path.is_file():
         return path
+    if str(name) in LIGHT_ARRAYS:
+        raise InputError(f"rig: {shown(str(name))}: {_ARRAYS_ONLY}")
     if str(name) not in packaged_rigs():
         known = ", ".join(packaged_rigs())
         raise InputError(f"rig: {shown(str(name))}: a file, or one of the packaged {known}")
@@ -56,6 +66,8 @@ def parse_rig(text: str, path: Path, *, measured: bool = True) -> Rig:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"{path}: {error}: not TOML") from None
+    if "leds" in data:
+        raise InputError(f"{path}: [leds]: {_ARRAYS_ONLY}")
     return Rig.checked(data, path, path.parent, measured=measured)
 
 
@@ -82,5 +94,5 @@ def load_rig(name: str | Path, *, measured: bool = True) -> Rig:
     InputError
         One line "file: key: value: what is allowed", for the first thing wrong.
     """
-    path = _path(name)
+    path = rig_path(name)
     return parse_rig(read_text(path), path, measured=measured)

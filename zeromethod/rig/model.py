@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 from pydantic import ValidationError, model_validator
 
-from zeromethod.errors import InputError
+from zeromethod.errors import InputError, check_type
 from zeromethod.rig.device_tables import SIMULATED, CameraSpec, DisplaySpec, Noise, WatchSpec
 from zeromethod.rig.geometry import GeometrySpec
 from zeromethod.rig.keys import plain, set_value, value_at
@@ -246,3 +246,8 @@ def _files(rig: Rig, folder: Path) -> dict[str, Any]:
     if rig.scenario.endswith(".toml"):
         update["scenario"] = str(found("scenario", rig.scenario, "press file or a packaged name"))
     return update
+
+
+def check_rig(name: str, value: object) -> None:
+    """Raise InputError for an argument that is no rig. name: of the function."""
+    check_type(f"{name}: rig", value, Rig, "a Rig, as load_rig gives it")

@@ -49,7 +49,7 @@ class RunResult:
         The last fine surface of the hold, or of the run where there is no hold.
     interrupted : bool
         Whether the last run was ended early, by Ctrl-C or `Session.interrupt`.
-    recording : str
+    recording_trouble : str
         What went wrong with the recording; "" where all was kept, or none was asked for.
     recording_lost : bool
         Whether that was a full disk or another end of the recording before the run's.
@@ -79,7 +79,7 @@ class RunResult:
     nulled: Step | None = None
     every_pixel: FineSurface | None = None
     interrupted: bool = False
-    recording: str = ""
+    recording_trouble: str = ""
     recording_lost: bool = False
     notes: list[str] = field(default_factory=list)
     dropped_refreshes: int | None = None

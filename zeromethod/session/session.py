@@ -286,7 +286,7 @@ class Session:
     def _end_recording(self) -> None:
         """Write what waits still; what was lost stands in the result."""
         self.recording.close()
-        self.result.recording, self.result.recording_lost = self.recording.trouble
+        self.result.recording_trouble, self.result.recording_lost = self.recording.trouble
 
     def _begin(self, step: Step) -> None:
         """Take dirt off one step's warp, and begin to read it."""

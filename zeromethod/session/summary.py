@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from zeromethod.errors import check_type
 from zeromethod.loop.state import GOOD, LOCK_FRAMES, LOCK_RESIDUAL_PX, NULLED, READ, State
 from zeromethod.loop.step import StepFigures
 from zeromethod.rig.model import SIMULATED
@@ -156,6 +157,7 @@ def summarise(result: RunResult) -> Figures:
     dict
         The figures, ready for JSON.
     """
+    check_type("summarise: result", result, RunResult, "the result of a session")
     records = result.records
     # The figures of a hold are those of its nulled frames; a hold that was never nulled says so by None.
     held = [record for record in records if record.phase == "hold"] or records
@@ -175,7 +177,7 @@ def summarise(result: RunResult) -> Figures:
         "dropped": result.dropped,
         "interrupted": result.interrupted,
         "notes": result.notes,
-        "recording": result.recording,
+        "recording_trouble": result.recording_trouble,
         "dropped_refreshes": result.dropped_refreshes,
         "delay_ms": result.delay_ms,
         "stability_margin": result.margin.margin if result.margin else None,

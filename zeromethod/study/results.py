@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from zeromethod.atomic_write import atomic_write
-from zeromethod.errors import InputError
+from zeromethod.errors import InputError, check_type
 from zeromethod.study.journal import Journal, fingerprint
 from zeromethod.study.plan import Study, load_study
 from zeromethod.study.runs import WHOLE_LIMIT, Outcome, procedure
@@ -110,6 +110,9 @@ def run_study(
     InputError
         A setting is wrong, another study is in `folder`, or pyarrow or Dask is missing.
     """
+    check_type(
+        "study", study, Study | str | Path, "a Study, a study file (.toml), or a packaged study's name"
+    )
     study = study if isinstance(study, Study) else load_study(study)
     folder = Path(f"study-{study.name}" if folder is None else folder)
     workers = Workers(workers) if workers is None or isinstance(workers, int) else workers

@@ -3,7 +3,7 @@
 from zeromethod.surface.covariance import Covariances, DepthCovariance, Variance
 from zeromethod.surface.peak import Peak, Where, peak
 from zeromethod.surface.reader import SurfaceReader
-from zeromethod.surface.surface import Anchor, Surface
+from zeromethod.surface.surface import Anchor, Surface, check_surface
 
 __all__ = [
     "Anchor",
@@ -14,5 +14,6 @@ __all__ = [
     "SurfaceReader",
     "Variance",
     "Where",
+    "check_surface",
     "peak",
 ]

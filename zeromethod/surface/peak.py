@@ -16,7 +16,7 @@ from zeromethod.surface.holes import deeper_inside_mm
 from zeromethod.surface.node_passes import deepest_node
 from zeromethod.surface.peak_place import place_sigma_mm
 from zeromethod.surface.polynomials import polynomial, powers_of, stationary, terms, whole_window
-from zeromethod.surface.surface import Surface
+from zeromethod.surface.surface import Surface, check_surface
 
 _REACH = 2
 _MAX_REACH = 6
@@ -124,6 +124,7 @@ def peak(surface: Surface) -> Peak:
     is deeper than the peak. A contact takes the light away, so that a peak next to one is that of
     the measured nodes, with a sigma nearly as large as the contact is deep.
     """
+    check_surface("peak", surface)
     if not surface.valid.any():
         return Peak(np.nan, np.nan, np.nan, np.nan)
     found, fitted = _deepest(surface)

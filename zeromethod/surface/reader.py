@@ -13,7 +13,7 @@ from zeromethod.arrays import Float, Mask
 from zeromethod.errors import InputError
 from zeromethod.mechanics.body import body_of
 from zeromethod.optics import Optics
-from zeromethod.rig.model import Rig
+from zeromethod.rig.model import Rig, check_rig
 from zeromethod.surface.anchor import KnownReading, RestFit
 from zeromethod.surface.anchoring import Anchors, certain
 from zeromethod.surface.bench_drift import BenchDrift
@@ -95,6 +95,7 @@ class SurfaceReader:
     """
 
     def __init__(self, rig: Rig, optics: Optics, grid: NodeGrid, with_sigma: bool = True) -> None:
+        check_rig("SurfaceReader", rig)
         self._grid = grid
         u, v = grid.mesh()
         u, v = u[grid.inner], v[grid.inner]

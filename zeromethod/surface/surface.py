@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 
 from zeromethod.arrays import Float, Mask
+from zeromethod.errors import check_type
 from zeromethod.surface.curl import Curl
 from zeromethod.warp.continuation import continued
 
@@ -146,3 +147,9 @@ def continued_points(points: Float) -> Float:
         return points
     x, y = np.meshgrid(*(np.arange(n, dtype=np.float64) for n in known.shape[::-1]))
     return continued(points, x, y)
+
+
+def check_surface(name: str, value: object) -> None:
+    """Raise InputError for an argument that is no surface. name: of the function."""
+    words = "a Surface, as Step.surface and Recording.surface give it; a step that was not read has None"
+    check_type(f"{name}: surface", value, Surface, words)

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from zeromethod.arrays import Float, Image
 from zeromethod.contact import Contact, closed, pressure_map
 from zeromethod.devices.protocols import TrueMirror
-from zeromethod.errors import InputError
+from zeromethod.errors import InputError, check_type
 from zeromethod.fine.surface import FineSurface
 from zeromethod.loop.step import Step
 from zeromethod.session.result import RunResult
@@ -54,6 +54,7 @@ def plot_run(run: Session | RunResult, path: str | Path | None = None) -> Figure
         the pressure on the largest contact; and one where every pixel was read.
     """
     result = run.result if isinstance(run, Session) else run
+    check_type("plot_run: run", result, RunResult, "a Session, or its result")
     grid = NodeGrid.of_rig(result.rig)
     nulled = result.nulled
     touching = [one for one in (nulled.contacts if nulled is not None else ()) if one.image is not None]
@@ -72,10 +73,18 @@ def plot_run(run: Session | RunResult, path: str | Path | None = None) -> Figure
         read_axes = [axes[0, 3], *axes[1, :4], *axes[2, :3]]
         if nulled is None:
             for axis in read_axes:
-                _say(axis, "never nulled")
+                _say(axis, _why_nothing(result))
         else:
             _read_maps(read_axes, result, nulled)
     return figure
+
+
+def _why_nothing(result: RunResult) -> str:
+    """Why no frame was read that the figure could show."""
+    phases = {record.phase for record in result.records if record.phase}
+    if phases and "hold" not in phases:
+        return "the run ended\nbefore the hold"
+    return "never nulled" if result.records else "no frame came"
 
 
 def _title(figures: dict[str, Any]) -> str:
@@ -107,7 +116,7 @@ def _camera_row(axes: Image, result: RunResult, grid: NodeGrid) -> None:
         strict=False,
     ):
         if step is None or step.image is None:
-            _say(axis, f"no frame {name}")
+            _say(axis, f"no frame {name}" if result.nulled else _why_nothing(result))
             continue
         part = step.image[rows, columns]
         axis.imshow(part, cmap="gray", vmin=0, extent=(extent[0], extent[1], extent[3], extent[2]))
@@ -252,9 +261,11 @@ def _section(axis: Axes, surface: Surface, truth: TrueMirror | None) -> None:
     for x_mm, _, depth_mm, sigma_mm in parts[1:]:
         axis.errorbar(x_mm, depth_mm, sigma_mm, fmt="C0x", markersize=4, linewidth=0.6, label="carried in")
     if truth is not None:
-        x_mm, y_mm = np.concatenate([part[:2] for part in parts], axis=1)
-        order = np.argsort(x_mm)
-        axis.plot(x_mm[order], truth.depth(x_mm, y_mm)[order], "C1-", linewidth=1, label="truth")
+        known = np.any([one.valid[row] for one in (surface, inside) if one is not None], axis=0)
+        x_mm, y_mm = surface.x_mm[row], surface.y_mm[row]
+        true_mm = np.full(x_mm.shape, np.nan)  # where the line breaks
+        true_mm[known] = truth.depth(x_mm[known], y_mm[known])
+        axis.plot(x_mm, true_mm, "C1-", linewidth=1, label="truth")
     axis.invert_yaxis()
     labelled(axis, "section through the peak (into the rubber = down)", "x, mm", "depth, mm")
     axis.legend()

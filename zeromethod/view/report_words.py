@@ -23,6 +23,7 @@ from zeromethod.surface import Where
 from zeromethod.view import calibration_table
 from zeromethod.view.report_history import Happening, seconds
 from zeromethod.view.report_summary import Figures
+from zeromethod.view.table import LOOP_MS
 
 _GROWING_S = 3.0
 """A file that changed more recently than this is still being written."""
@@ -97,7 +98,7 @@ def summary_rows(figures: Figures, rig: Rig) -> Iterator[tuple[str, str]]:
     if without:
         yield "frames taken but not read", ", ".join(without)
     for label, key in (
-        ("loop, frame in to warp out", "loop_ms"),
+        (LOOP_MS[rig.control.passive], "loop_ms"),
         ("drawing the pattern", "draw_ms"),
         ("mid-exposure to new picture", "delay_ms"),
         ("reading the surface", "read_ms"),

@@ -7,7 +7,7 @@ from pathlib import Path
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
-from zeromethod.surface import Surface, peak
+from zeromethod.surface import Surface, check_surface, peak
 from zeromethod.view.axes import save
 from zeromethod.view.figure import draw_map
 from zeromethod.view.table import cell
@@ -28,6 +28,7 @@ def plot(surface: Surface, path: str | Path | None = None) -> Figure:
     matplotlib.figure.Figure
         Four maps of the valid nodes, depth positive into the rubber.
     """
+    check_surface("plot", surface)
     with mpl.rc_context({"font.size": 8, "axes.titlesize": 9}):
         figure = Figure(figsize=(10, 6), layout="constrained")
         axes = figure.subplots(2, 2)

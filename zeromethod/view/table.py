@@ -17,12 +17,15 @@ UNKNOWN = "–"
 _DEEPEST = "true peak depth, contacts included"
 """The same as that of what can be read, and left out, where nothing touches."""
 
+LOOP_MS = {False: "loop, frame in to warp out", True: "frame in to measured warp"}
+"""What the time of a step is called; of a passive run."""
+
 _ROWS: tuple[tuple[str, tuple[str, ...], str], ...] = (
     ("state at the end", ("state",), "{}"),
     ("frames (dropped)", ("frames", "dropped"), "{} ({})"),
     ("frames to lock in the hold", ("lock_frames",), "{}"),
     ("residual in the hold", ("residual_px_rms",), "{:.4f} camera px rms"),
-    ("nodes that see the LCD by the mirror", ("usable_share",), "{:.1%}"),
+    ("nodes that see the pattern by the mirror", ("usable_share",), "{:.1%}"),
     ("of these called valid", ("valid_share",), "{:.1%}"),
     ("peak depth read (sigma)", ("depth_peak_mm", "depth_peak_sigma_mm"), "{:.5f} mm ({:.5f})"),
     ("this peak is", ("peak_where",), "{}"),
@@ -47,7 +50,7 @@ _ROWS: tuple[tuple[str, tuple[str, ...], str], ...] = (
     ("fine surface: peak depth", ("fine.depth_peak_mm",), "{:.6f} mm"),
     ("fine surface: peak error", ("fine.truth.depth_peak_error_percent",), "{:+z.3f} %"),
     ("fine surface: depth error", ("fine.truth.depth_rms_error_um",), "{:.4f} µm rms"),
-    ("loop, frame in to warp out", ("loop_ms.median", "loop_ms.p99"), "{:.2f} ms (p99 {:.2f})"),
+    (LOOP_MS[False], ("loop_ms.median", "loop_ms.p99"), "{:.2f} ms (p99 {:.2f})"),
     ("drawing the pattern", ("draw_ms.median", "draw_ms.p99"), "{:.1f} ms (p99 {:.1f})"),
     ("reading the surface", ("read_ms.median", "read_ms.p99"), "{:.1f} ms (p99 {:.1f})"),
     (
@@ -128,11 +131,12 @@ def _contact_rows(label: str, contacts: Sequence[Figures] | None) -> list[tuple[
 def summary_table(figures: Figures) -> Table:
     """Table of the figures of a run that were measured; rows without a value are left out."""
     rows: list[tuple[str, str]] = []
+    passive = {LOOP_MS[False]: LOOP_MS[True]} if figures["controller"] == "passive" else {}
     for label, keys, pattern in _ROWS:
         values = [_look_up(figures, key) for key in keys]
         words = pattern.format(*values) if None not in values else ""
         if words and not (label == _DEEPEST and words == rows[-1][1]):
-            rows.append((label, words))
+            rows.append((passive.get(label, label), words))
     for one in figures.get("approaches") or ():
         when = f"armed at {one['armed_s']:.2f} s, touch expected at {one['contact_s']:.2f} s"
         rows.append(("approach", f"{when}, ({one['x_mm']:.1f}, {one['y_mm']:.1f}) mm"))
@@ -142,6 +146,6 @@ def summary_table(figures: Figures) -> Table:
     rows += _contact_rows("true contact", _look_up(figures, "truth.contacts"))
     if not figures["calibrated"]:
         rows.append(("not calibrated", "depth is relative: zeromethod calibrate"))
-    if figures["recording"]:
-        rows.append(("recording", figures["recording"]))
+    if figures["recording_trouble"]:
+        rows.append(("not recorded", figures["recording_trouble"]))
     return pair_table([*rows, *(("event", f"{name} x {count}") for name, count in figures["events"].items())])

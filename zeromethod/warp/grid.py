@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zeromethod.arrays import Float, Mask
-from zeromethod.rig.model import Rig
+from zeromethod.rig.model import Rig, check_rig
 
 T = TypeVar("T", bound=np.generic)
 
@@ -50,6 +50,7 @@ class NodeGrid:
         NodeGrid
             Its nodes.
         """
+        check_rig("NodeGrid.of_rig", rig)
         return NodeGrid((rig.camera.rows, rig.camera.columns), rig.target.period_px)
 
     @property

@@ -1,5 +1,7 @@
 """The loop closed again over the mirror of a recording."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,7 @@ from zeromethod import Recording, load_rig
 from zeromethod.session.replay.closed_loop import ClosedLoopReplay, recorded_track, simulated_bench
 from zeromethod.session.replay.comparison import figures_of
 from zeromethod.session.replay.from_frames import replay_from_frames
-from zeromethod.session.replay.mirror import RecordedMirror
+from zeromethod.session.replay.mirror import RecordedMirror, contacts_left_out
 from zeromethod.session.replay.settings import with_settings
 from zeromethod.session.replay.track import Track
 from zeromethod.session.replay.window import Window
@@ -57,6 +59,15 @@ def test_at_rest_the_noise_of_single_readings_does_not_move_it(session, recordin
     read = np.std([surface.depth_mm[valid] for surface in still], axis=0)
     moved = np.std([scenario.mirror_at(s.time_ns - mirror.shift_ns).depth(x_mm, y_mm) for s in still], axis=0)
     assert np.mean(moved) < 0.5 * np.mean(read)
+
+
+def test_contacts_of_the_window_that_the_mirror_has_not_are_counted():
+    rows = np.zeros(5, [("id", int), ("time_ns", int)])
+    rows["id"], rows["time_ns"] = [1, 1, 2, 3, 3], [10, 20, 20, 40, 50]
+    recording = SimpleNamespace(contacts=rows)
+    assert contacts_left_out(recording, Window(0, 15, 40, False)) == 3
+    assert contacts_left_out(recording, Window(0, 41, 60, False)) == 1
+    assert contacts_left_out(recording, Window(0, 60, 70, False)) == 0
 
 
 def test_unchanged_it_does_what_the_session_did(was, unchanged):

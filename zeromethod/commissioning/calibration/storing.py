@@ -25,7 +25,7 @@ from zeromethod.commissioning.calibration.rest import RestFrames
 from zeromethod.commissioning.calibration.settling import Settling
 from zeromethod.commissioning.decode import figures
 from zeromethod.decoding.fringes import Axis, FringeSequence
-from zeromethod.errors import InputError
+from zeromethod.errors import InputError, check_type
 from zeromethod.rig.load import load_rig
 from zeromethod.warp.warp import Warp
 
@@ -109,6 +109,7 @@ def store_calibration(
     Stored
         The folder; its `rig_file` is what `Session` takes.
     """
+    check_type("store_calibration: found", found, Calibration, "a Calibration, as calibrate gives it")
     document = document_of(found)
     if again is not None:
         kept = {key: again.document[key] for key in _KEPT if key in again.document}

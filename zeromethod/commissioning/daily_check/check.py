@@ -20,7 +20,7 @@ from zeromethod.devices.protocols import CameraLost, DisplayLost
 from zeromethod.errors import MeasurementError
 from zeromethod.loop.step import Step
 from zeromethod.optics import Optics
-from zeromethod.rig.model import Rig
+from zeromethod.rig.model import Rig, check_rig
 from zeromethod.surface import SurfaceReader, peak
 from zeromethod.warp.rest import Rest
 
@@ -96,6 +96,7 @@ def check_bench(
     MeasurementError
         A device was lost.
     """
+    check_rig("check_bench", rig)
     return _Check(rig, devices, prompts or Silent()).run(press_depth_mm, press_sigma_mm, warning)
 
 

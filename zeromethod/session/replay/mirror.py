@@ -58,6 +58,13 @@ class _Fit:
         return bool(known.size and known.mean() < SAME)
 
 
+def contacts_left_out(recording: Recording, window: Window) -> int:
+    """How many contacts there are in a window, which the mirror has not: it moves, and nothing touches it."""
+    found = recording.contacts
+    inside = (found["time_ns"] >= window.from_ns) & (found["time_ns"] <= window.to_ns)
+    return len(np.unique(found["id"][inside]))
+
+
 class RecordedMirror:
     """The mirror of the readings in a window, in the time of a bench whose clock starts at 0.
 

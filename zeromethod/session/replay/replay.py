@@ -17,7 +17,7 @@ from zeromethod.session.replay.differences import DepthDifferences
 from zeromethod.session.replay.fine import FineDifferences
 from zeromethod.session.replay.from_frames import WarpDifferences, replay_from_frames
 from zeromethod.session.replay.from_warps import replay_from_warps
-from zeromethod.session.replay.mirror import RecordedMirror
+from zeromethod.session.replay.mirror import RecordedMirror, contacts_left_out
 from zeromethod.session.replay.settings import with_settings
 from zeromethod.session.replay.window import Window
 
@@ -133,4 +133,6 @@ def _sessions(
         tracks.append(
             ClosedLoopReplay(name, bench, RecordedMirror(recording, window), record=kept, speed=speed).run()
         )
-    return {"changed": "changed" in benches, "sessions": {one.name: figures_of(one) for one in tracks}}
+    left_out = contacts_left_out(recording, window)
+    about = {"changed": "changed" in benches, "contacts_left_out": left_out}
+    return {**about, "sessions": {one.name: figures_of(one) for one in tracks}}
