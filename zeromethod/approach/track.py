@@ -17,6 +17,8 @@ STRAIGHT = 3.0
 """Scatter about it over the least sigma, up to which it fits."""
 LEAST_SPOTS = 3
 """Spots in a row from which a velocity is believed."""
+LEAST_CUT = 5
+"""The same of what was not yet seen whole, as shadows at the border are not."""
 SIGNIFICANT = 4.0
 """Speeds over their sigma from which something comes."""
 SOON_S = 2.5
@@ -125,7 +127,7 @@ class Track:
 
     def approach(self) -> Approach:
         """What is known of it."""
-        if len(self._seen) < LEAST_SPOTS:
+        if len(self._seen) < (LEAST_CUT if self._cut else LEAST_SPOTS):
             return Approach(watching=Watching.SEEN, time_ns=self.time_ns)
         place, velocity, sigma_place, sigma_velocity, scatter_mm = self._fitted()
         radius, (round_, sigma_round) = float(np.median(self._radii)), self._roundness()
