@@ -94,6 +94,23 @@ REFUSALS = [
     ("check --depth-sigma nan", "--depth-sigma: nan: a number above 0"),
     ("check --rig nowhere.toml", "nowhere.toml"),
     ("check --display 1", UNSEEN),
+    # arrays of LEDs and photodetectors
+    ("run --rig leds --fine", "--fine: not with rig 'leds': arrays have --camera, --simulate"),
+    ("run --rig leds --passive", "--passive: not with rig 'leds': arrays have"),
+    ("run --rig leds --display 1", "--display: not with rig 'leds': arrays have"),
+    ("run --rig leds --view :0", "--view: not with rig 'leds': arrays have"),
+    ("run --rig leds --frames 3 --seconds 1", "--frames and --seconds: give one of them, not both"),
+    ("run --rig leds --camera 0", "arrays.address: '0': allowed: \"simulated\", udp://HOST:PORT, or serial"),
+    ("run --rig leds --camera serial:///dev/none", "'serial:///dev/none': cannot be opened: No such file"),
+    ("run --rig leds --simulate --camera udp://h:1", "--simulate and --camera: give one of them, not both"),
+    ("run --rig leds --scenario nothing", "--scenario: nothing: a press file (.toml), or one of"),
+    ("run --rig leds --publish here", "--publish: 'here': not an address"),
+    ("run --rig leds --record notes.h5", "is there already"),
+    ("run --rig arrays.toml", 'leds.spot_mm: 5.0: 0.35 to 0.8 of leds.pitch_mm: narrower spots leave gaps'),
+    ("design leds", 'arrays of LEDs and photodetectors have no camera: only `run` and `replay` take'),
+    ("calibrate --rig leds", '--rig: "leds": arrays of LEDs and photodetectors have no camera: only `run`'),
+    ("check --rig leds", '--rig: "leds": arrays of LEDs and photodetectors have no camera: only `run`'),
+    ("check --rig arrays.toml", "arrays.toml: [leds]: arrays of LEDs and photodetectors have no camera"),
     # recordings
     ("run --keep frames", "--keep: only with --record FILE.h5"),
     ("run --every 2", "--every: only with --record FILE.h5"),
@@ -336,6 +353,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     save_values(small, {"camera.driver": "opencv", "camera.source": 0}, folder / "opencv.toml")
     text = small.read_text()
     (folder / "jelly.toml").write_text(text.replace('support = "free"', 'support = "jelly"'))
+    arrays = resource("calibration", "rigs", "leds.toml").read_text()
+    (folder / "arrays.toml").write_text(arrays.replace("spot_mm = 1.0", "spot_mm = 5.0"))
     watched = resource("calibration", "rigs", "contactless.toml").read_text()
     (folder / "odd.toml").write_text(watched.replace("columns = 320 ", "columns = 321 "))
     (folder / "lit.toml").write_text(text + '\n[light]\nsource = "lamp"\n')

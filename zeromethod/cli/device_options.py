@@ -200,14 +200,14 @@ def with_given(rig: Rig, scenario: str | None, **tables: Mapping[str, Any]) -> R
 
     scenario: of `--scenario`. tables: `display={"latency_s": 0.02}`, checked by their options.
     """
-    update: dict[str, Any] = {} if scenario is None else {"scenario": _scenario(scenario)}
+    update: dict[str, Any] = {} if scenario is None else {"scenario": checked_scenario(scenario)}
     for table, values in tables.items():
         given = {key: value for key, value in values.items() if value is not None}
         update[table] = getattr(rig, table).model_copy(update=given)
     return rig.model_copy(update=update)
 
 
-def _scenario(name: str) -> str:
+def checked_scenario(name: str) -> str:
     """A scenario's name; what is none is refused here, by its option, not as the bench is opened."""
     packaged = sorted(path.stem for path in resource("calibration", "presses").glob("*.toml"))
     path = Path(name)

@@ -14,6 +14,7 @@ import numpy as np
 from rich.console import Console
 
 from zeromethod.cli.device_options import control_options, given_options, given_rig
+from zeromethod.cli.light_array import replay_light_array
 from zeromethod.cli.numbers import Real
 from zeromethod.cli.output import OutputFile, figure_option, summary_option, write_summary
 from zeromethod.cli.page_options import page_options
@@ -21,6 +22,7 @@ from zeromethod.cli.recording_options import open_recording, recording_argument,
 from zeromethod.cli.replay_page import watch_recording
 from zeromethod.cli.stopping import stopped_by_signals
 from zeromethod.errors import InputError
+from zeromethod.light_array.recording import is_light_recording
 from zeromethod.optics import check_geometry
 from zeromethod.recording.recording import Recording
 from zeromethod.rig.model import Rig
@@ -104,6 +106,9 @@ def replay_command(**options: Any) -> None:
     surface, and the statistics are the same. With --set, --gain, ... the same is done with
     other settings, for comparison.
     """
+    if is_light_recording(options["file"]):
+        replay_light_array(options["file"], given_options(click.get_current_context()), options["summary"])
+        return
     view, control = options.pop("view"), options.pop("control")
     asked = _Asked(**options)
     if view is not None or control is not None:

@@ -27,6 +27,7 @@ from zeromethod.cli.device_options import (
 )
 from zeromethod.cli.first_rest import with_first_rest
 from zeromethod.cli.following import follow
+from zeromethod.cli.light_array import run_light_array
 from zeromethod.cli.numbers import Real, Whole
 from zeromethod.cli.output import figure_option, summary_option, write_summary, writing
 from zeromethod.cli.page_options import opened_page, page_options
@@ -37,6 +38,7 @@ from zeromethod.devices.abilities import exposure_setter_of
 from zeromethod.devices.addresses import with_watch_camera
 from zeromethod.devices.opening import open_devices
 from zeromethod.errors import InputError, MeasurementError
+from zeromethod.light_array.rig import load_light_array
 from zeromethod.loop.state import State
 from zeromethod.operating.readings import HISTORY
 from zeromethod.operating.run_table import RUN
@@ -153,11 +155,14 @@ def run_command(
     --display and --camera it runs on real devices until q, Ctrl-C, or --seconds; then p pauses corrections
     and z takes the mirror as it is for the mirror at rest.
     """
+    _check_length(frames, seconds)
+    if (arrays := load_light_array(rig_name)) is not None:
+        context = click.get_current_context()
+        run_light_array(arrays, given_options(context), context.params)
+        return
     names = ("recording", "keep", "every", "compress")
     recording = RecordingOptions(**{name: others.pop(name) for name in names})
     recording.check(given_options(click.get_current_context()))
-    if frames is not None and seconds is not None:
-        raise InputError("--frames and --seconds: give one of them, not both")
     options = BenchOptions(**others)
     rig = given_rig(rig_name, measured=not simulate)
     by = "--passive" if passive else f"rig {rig.name!r}, which is passive,"
@@ -238,6 +243,12 @@ def run_command(
             )
         recording.report(session.result.recording_trouble)
         _report(session.result, figure, summary)
+
+
+def _check_length(frames: int | None, seconds: float | None) -> None:
+    """Refuse two lengths of one run."""
+    if frames is not None and seconds is not None:
+        raise InputError("--frames and --seconds: give one of them, not both")
 
 
 def _check_passive(by: str, typed: list[str]) -> None:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from zeromethod.arrays import Float
-from zeromethod.contact import load_fields, slope_blocks
+from zeromethod.contact import load_fields, loads, slope_blocks
 from zeromethod.contact.contact import Contact
 from zeromethod.contact.loads import SHAPES, Loads, shares
 from zeromethod.contact.median import median
@@ -192,5 +192,5 @@ def _change(one: Contact, other: Contact) -> float:
 
 def compile_ahead() -> None:
     """Have the compiled functions ready before the first contact."""
-    for module in (load_fields, slope_blocks):
+    for module in (load_fields, loads, slope_blocks):
         module.compile_ahead()

@@ -7,8 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
+import numba
 import numpy as np
+from numpy.typing import NDArray
 
 from zeromethod.arrays import Float
 from zeromethod.contact.contact import Contact
@@ -19,6 +22,11 @@ SHAPES = 8
 RINGS, _RAYS = 9, 40
 """Cells of a contact: ring by ring from its middle."""
 _GAUSS = np.polynomial.legendre.leggauss(RINGS)
+_THETA, _WEIGHT = np.pi / 4 * (_GAUSS[0] + 1), np.pi / 4 * _GAUSS[1]
+_RHO, _DEPTH = np.sin(_THETA), np.cos(_THETA)
+_RINGS = np.stack([_RHO * _DEPTH**2, _RHO, np.arccosh(1 / _RHO) * _RHO * _DEPTH]) * _WEIGHT
+"""Pressure x rho d(rho) of a ball, a punch and a cone. With rho = sin(theta), Gauss points of theta make
+every sum exact where the pressure is infinite at the border, too."""
 _OPEN = np.array([0.7, 0.7, 0.7, 0.7, 0.2, 0.2, 0.2])
 """Standard deviations, before anything was read, of the shares of force that press otherwise than a ball
 does: 1 for a punch or a cone, and a ball is between the two; what is bent is less than that."""
@@ -52,28 +60,13 @@ class Loads:
         """Pressures on the area within a contact's border.
 
         rho runs from 0 in the middle to 1 at the border along every ray; for balls, cylinders that cross and
-        cones that is exact. With rho = sin(theta), Gauss points of theta make every sum exact where the
-        pressure is infinite at the border, too.
+        cones that is exact.
         """
         middle = np.array([contact.x_mm, contact.y_mm])
         border = evenly(contact.outline_mm, _RAYS) - middle
-        across = np.roll(border, -1, axis=0) - np.roll(border, 1, axis=0)
-        sector = 0.5 * np.abs(border[:, 0] * across[:, 1] - border[:, 1] * across[:, 0])
-        theta, weight = np.pi / 4 * (_GAUSS[0] + 1), np.pi / 4 * _GAUSS[1]
-        rho, depth = np.sin(theta), np.cos(theta)
-        # pressure x rho d(rho)
-        rings = np.stack([rho * depth**2, rho, np.arccosh(1 / rho) * rho * depth]) * weight
-        whole = (rings[:, :, None] * sector).reshape(3, -1)
-        whole /= whole.sum(axis=1, keepdims=True)
-        offset = (rho[:, None, None] * border).reshape(-1, 2)
-        angle = np.radians(contact.angle_deg)
-        x = 2 * (offset @ (np.cos(angle), np.sin(angle))) / contact.major_mm
-        y = 2 * (offset @ (-np.sin(angle), np.cos(angle))) / max(contact.minor_mm, 1e-6)
-        uneven = np.stack([x, y, x * x, x * y, y * y])
-        uneven = whole[1] * (uneven - (uneven * whole[1]).sum(axis=1, keepdims=True))
-        uneven /= np.maximum(np.abs(uneven).sum(axis=1, keepdims=True), 1e-12)
-        area = ((rho * depth * weight)[:, None] * sector).ravel()
-        return cls(offset + middle, area, np.concatenate([whole[:1], whole[1:] - whole[0], uneven]))
+        axes = 2 / contact.major_mm, 2 / max(contact.minor_mm, 1e-6)
+        offset, area, forces = _pressures(border, np.radians(contact.angle_deg), *axes)
+        return cls(offset + middle, area, forces)
 
     @property
     def middle_mm(self) -> Float:
@@ -81,16 +74,60 @@ class Loads:
         return np.asarray(np.einsum("c,ck->k", self.forces[0], self.cells))
 
 
+@numba.njit(cache=True, nogil=True)
+def _pressures(border: Float, angle: float, by_major: float, by_minor: float) -> tuple[Float, Float, Float]:
+    """(cells (n, 2) from the middle, their areas (n,), forces (SHAPES, n)) within a border (_RAYS, 2).
+
+    by_major, by_minor: 1 / half an axis.
+    """
+    rays = len(border)
+    n = RINGS * rays
+    cells, area, whole = np.empty((n, 2)), np.empty(n), np.empty((3, n))
+    uneven, forces = np.empty((5, n)), np.empty((SHAPES, n))
+    for k in range(rays):
+        after, before = border[(k + 1) % rays], border[k - 1]
+        sector = 0.5 * abs(border[k, 0] * (after[1] - before[1]) - border[k, 1] * (after[0] - before[0]))
+        for ring in range(RINGS):
+            c = ring * rays + k
+            area[c] = _RHO[ring] * _DEPTH[ring] * _WEIGHT[ring] * sector
+            for shape in range(3):
+                whole[shape, c] = _RINGS[shape, ring] * sector
+            u, v = _RHO[ring] * border[k, 0], _RHO[ring] * border[k, 1]
+            cells[c, 0], cells[c, 1] = u, v
+            x = by_major * (u * np.cos(angle) + v * np.sin(angle))
+            y = by_minor * (v * np.cos(angle) - u * np.sin(angle))
+            uneven[0, c], uneven[1, c], uneven[2, c], uneven[3, c], uneven[4, c] = x, y, x * x, x * y, y * y
+    for shape in range(3):
+        whole[shape] /= whole[shape].sum()
+    forces[0] = whole[0]
+    forces[1], forces[2] = whole[1] - whole[0], whole[2] - whole[0]
+    for k in range(5):
+        own = whole[1] * (uneven[k] - (uneven[k] * whole[1]).sum())
+        forces[3 + k] = own / max(np.abs(own).sum(), 1e-12)
+    return cells, area, forces
+
+
+@lru_cache
+def _indices(contacts: int, tilts: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Places of shares without a net force, and of the others."""
+    every = np.arange(SHAPES * contacts + tilts)
+    net = (every % SHAPES == 0) | (every >= SHAPES * contacts)
+    return np.flatnonzero(~net), np.flatnonzero(net)
+
+
 def shares(normal: Float, right: Float, loads: Sequence[Loads]) -> tuple[Float, Float]:
     """Shares (t,) of all contacts' pressures that solve normal equations, and these (t, t) with what is open.
 
     The pressures come first, contact by contact; those without a net force are about as large as it.
     """
-    count = SHAPES * len(loads)
-    parts = np.flatnonzero(np.arange(count) % SHAPES)
-    alone = np.delete(np.arange(len(right)), parts)
-    balls = np.linalg.solve(normal[np.ix_(alone, alone)], right[alone])[: len(loads)]
+    parts, alone = _indices(len(loads), len(right) - SHAPES * len(loads))
+    balls = np.linalg.solve(normal[alone[:, None], alone], right[alone])[: len(loads)]
     newtons = np.maximum(np.abs(balls), [_LEAST * load.area_mm2.sum() / np.pi for load in loads])
     known = normal.copy()
     known[parts, parts] += np.outer(newtons, _OPEN).ravel() ** -2
     return np.asarray(np.linalg.solve(known, right), np.float64), known
+
+
+def compile_ahead() -> None:
+    """Have the compiled function ready before the first contact."""
+    _pressures(np.ones((_RAYS, 2)), 0.0, 1.0, 1.0)

@@ -68,6 +68,12 @@ def narrow_parts(
 def closed_over(mask: Mask, period_px: int) -> Mask:
     """The mask with all gaps of less than a period closed."""
     round_one = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (period_px + 1, period_px + 1))
-    wide = np.pad(mask.astype(np.uint8), period_px)
+    closed = mask.copy()
+    # nothing is added beyond a box round it
+    box = cv2.boundingRect(mask.view(np.uint8))
+    part = slice(box[1], box[1] + box[3]), slice(box[0], box[0] + box[2])
+    wide = cv2.copyMakeBorder(mask[part].view(np.uint8), *4 * (period_px,), cv2.BORDER_CONSTANT)
     inner = slice(period_px, -period_px)
-    return np.asarray(cv2.morphologyEx(wide, cv2.MORPH_CLOSE, round_one)[inner, inner] > 0)
+    if box[2]:
+        closed[part] = cv2.morphologyEx(wide, cv2.MORPH_CLOSE, round_one)[inner, inner] > 0
+    return closed

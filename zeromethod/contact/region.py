@@ -185,27 +185,33 @@ class RegionFinder:
         """The regions of narrow parts, the gaps between them taken in."""
         mirrored = median(mean[parts.where])
         model = self._model(parts.light * mirrored, mirrored, rest)
-        columns = model.index(picture * (mirrored / mean))
-        evidence = cv2.boxFilter(model.evidence[columns], -1, (_SMOOTH_PARTS_PX, _SMOOTH_PARTS_PX))
-        probability = (1 / (1 + np.exp(-_SMOOTH_PARTS_PX * evidence))).astype(np.float32)
         # tips of the parts run out of where they are common
         side = 2 * self._grid.period_px + 1
-        near = cv2.dilate(parts.where.astype(np.uint8), np.ones((side, side), np.uint8))
-        probability[near == 0] = 0
-        labels, sizes = pieces(probability > 0.5, connectivity=8)
+        near = cv2.dilate(parts.where.view(np.uint8), np.ones((side, side), np.uint8))
+        across, down, width, height = cv2.boundingRect(near)
+        box = slice(down, down + height), slice(across, across + width)
+        columns = model.index(picture[box] * (mirrored / mean[box]))
+        evidence = cv2.boxFilter(model.evidence[columns], -1, (_SMOOTH_PARTS_PX, _SMOOTH_PARTS_PX))
+        evidence[near[box] == 0] = -np.inf
+        likely = evidence > 0
+        labels, sizes = pieces(likely, connectivity=8)
         small = sizes < _LEAST_PART_PX
         small[0] = False
-        probability[small[labels]] = 0
-        closed = closed_over(probability > 0.5, self._grid.period_px).astype(np.uint8)
+        gone = small[labels]
+        likely[gone], evidence[gone] = False, -np.inf
+        closed = closed_over(likely, self._grid.period_px).view(np.uint8)
         # dark fringes that happen to join on are narrow
         whole = cv2.morphologyEx(closed, cv2.MORPH_OPEN, np.ones((_LEAST_WIDE_PX, _LEAST_WIDE_PX), np.uint8))
         count, labels = cv2.connectedComponents(whole)
         found = []
         for k in range(1, count):
-            mask = labels == k
-            if (mask & parts.where).any() and np.mean(probability[mask] > 0.5) <= MOST_FILLED:
-                own = np.where(mask, probability, 0.0).astype(np.float32)
-                found.append(Region(*corner, mask, own, columns, model, parts.light, parted=True))
+            here = labels == k
+            if (here & parts.where[box]).any() and np.mean(likely[here]) <= MOST_FILLED:
+                mask, own = np.zeros(parts.where.shape, np.bool_), np.zeros(parts.where.shape, np.float32)
+                mask[box] = here
+                own[box][here] = 1 / (1 + np.exp(-_SMOOTH_PARTS_PX * evidence[here]))
+                unknown = np.full(mask.shape, UNKNOWN, np.uint8)
+                found.append(Region(*corner, mask, own, unknown, model, parts.light, parted=True))
         return found
 
     def _grown(

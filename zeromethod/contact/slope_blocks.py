@@ -80,6 +80,17 @@ def _usable(surface: Surface) -> Mask:
     return np.asarray(surface.valid & (cv2.erode(whole, _AROUND) > 0))
 
 
+@numba.njit(cache=True, nogil=True)
+def _level(x: float, y: float, middles: Float, within2: Float) -> int:
+    """Size of a place's block, as its power of 2. within2: squares of distances up to which it is each."""
+    level: int = within2.shape[1]
+    for k in range(len(middles)):
+        away2 = (x - middles[k, 0]) ** 2 + (y - middles[k, 1]) ** 2
+        while level > 0 and away2 <= within2[k, level - 1]:
+            level -= 1
+    return level
+
+
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _summed(
     slope: Float,
@@ -97,28 +108,31 @@ def _summed(
     away_nodes: distance from unread nodes. middles: (contacts, 4) x, y, half size, and reach beyond it.
     """
     rows, cols = valid.shape
-    starts = [0]
-    side = 1
-    while side <= largest:
+    starts, sides = [0], [1]
+    while sides[-1] <= largest:
+        side = sides[-1]
         starts.append(starts[-1] + ((rows + side - 1) // side) * ((cols + side - 1) // side))
-        side *= 2
+        sides.append(2 * side)
+    within2 = (middles[:, 2:3] + middles[:, 3:] * np.array(sides[:-2])) ** 2
     block = np.full((rows, cols), -1)
     share = np.zeros((rows, cols))
-    sums = np.zeros((starts[-1], _SUMS))
+    # few of all possible blocks have nodes: rows of sums are begun where the first node of one is
+    number, key = np.full(starts[-1], -1), np.empty(rows * cols, np.int64)
+    sums, count = np.empty((rows * cols, _SUMS)), 0
     for i in range(rows):
         for j in range(cols):
             if not (valid[i, j] and np.isfinite(sigma[i, j, 0] + sigma[i, j, 1])):
                 continue
             x, y = x_mm[i, j], y_mm[i, j]
-            away = np.inf
-            for k in range(len(middles)):
-                beyond = np.sqrt((x - middles[k, 0]) ** 2 + (y - middles[k, 1]) ** 2) - middles[k, 2]
-                away = min(away, beyond / middles[k, 3])
-            level, side = 0, 1
-            while side < largest and away > side:
-                level, side = level + 1, side * 2
-            block[i, j] = starts[level] + (i // side) * ((cols + side - 1) // side) + j // side
-            own = sums[block[i, j]]
+            level = _level(x, y, middles, within2)
+            side = sides[level]
+            place = starts[level] + (i // side) * ((cols + side - 1) // side) + j // side
+            if number[place] < 0:
+                number[place], key[count] = count, place
+                sums[count] = 0.0
+                count += 1
+            block[i, j] = number[place]
+            own = sums[number[place]]
             weight = 2.0 / (sigma[i, j, 0] ** 2 + sigma[i, j, 1] ** 2)
             share[i, j] = weight
             own[0] += weight
@@ -132,13 +146,15 @@ def _summed(
             if away_nodes[i, j] < 10 * _RIM_NODES:
                 own[9] += weight * _RIM * np.exp(-away_nodes[i, j] / _RIM_NODES)
             own[10] += 1.0
-    number = np.cumsum(sums[:, 0] > 0.0) - 1
+    order = np.argsort(key[:count])
+    rank = np.empty(count, np.int64)
+    rank[order] = np.arange(count)
     for i in range(rows):
         for j in range(cols):
             if block[i, j] >= 0:
                 share[i, j] /= sums[block[i, j], 0]
-                block[i, j] = number[block[i, j]]
-    return block, share, sums[sums[:, 0] > 0.0]
+                block[i, j] = rank[block[i, j]]
+    return block, share, sums[order]
 
 
 @numba.njit(cache=True, nogil=True)

@@ -10,13 +10,20 @@ from zeromethod.resources import resource
 from zeromethod.rig.model import Rig
 from zeromethod.rig.refusal import shown
 
+LIGHT_ARRAYS = ("leds",)
+"""Packaged rigs of LED and photodetector arrays, which have no camera and a schema of their own."""
+
+
+_ARRAYS_ONLY = "arrays of LEDs and photodetectors have no camera: only `run` and `replay` take them"
+
 
 def packaged_rigs() -> list[str]:
-    """Names of the rigs that come with the package, sorted."""
-    return sorted(path.stem for path in resource("calibration", "rigs").glob("*.toml"))
+    """Names of the rigs with a camera that come with the package, sorted."""
+    names = {path.stem for path in resource("calibration", "rigs").glob("*.toml")}
+    return sorted(names - set(LIGHT_ARRAYS))
 
 
-def _path(name: str | Path) -> Path:
+def rig_path(name: str | Path) -> Path:
     """Find the packaged file of a bare name (no folder, no suffix), else take the path as it is."""
     check_type("rig", name, str | Path, f"a file, or one of the packaged {', '.join(packaged_rigs())}")
     path = Path(name)
@@ -24,6 +31,8 @@ def _path(name: str | Path) -> Path:
         raise InputError(f"rig: {shown(str(name))}: a folder: {_rig_in(path)}")
     if path.suffix or path.parent != Path() or path.is_file():
         return path
+    if str(name) in LIGHT_ARRAYS:
+        raise InputError(f"rig: {shown(str(name))}: {_ARRAYS_ONLY}")
     if str(name) not in packaged_rigs():
         known = ", ".join(packaged_rigs())
         raise InputError(f"rig: {shown(str(name))}: a file, or one of the packaged {known}")
@@ -57,11 +66,13 @@ def parse_rig(text: str, path: Path, *, measured: bool = True) -> Rig:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"{path}: {error}: not TOML") from None
+    if "leds" in data:
+        raise InputError(f"{path}: [leds]: {_ARRAYS_ONLY}")
     return Rig.checked(data, path, path.parent, measured=measured)
 
 
 def load_rig(name: str | Path, *, measured: bool = True) -> Rig:
-    """Rig from a file, or a packaged one by bare name ("simulated", "paper", "dome", "cylinder", "printed").
+    """Rig from a file, or a packaged one by bare name ("simulated", "paper", "dome", "thin" and more).
 
     Files that it names (`prism.rest.file`, `camera.rest_map`, a `scenario` that ends in .toml) lie
     relative to the rig file.
@@ -83,5 +94,5 @@ def load_rig(name: str | Path, *, measured: bool = True) -> Rig:
     InputError
         One line "file: key: value: what is allowed", for the first thing wrong.
     """
-    path = _path(name)
+    path = rig_path(name)
     return parse_rig(read_text(path), path, measured=measured)

@@ -1,0 +1,155 @@
+"""The zero method in light levels: reading, lock, channels that fail, recording and replay."""
+
+import json
+
+import h5py
+import numpy as np
+import pytest
+from command_line import run
+
+from benchmarks import leds
+from zeromethod.light_array.channels import Channels, Seen
+from zeromethod.light_array.estimate import light_at, looked_at, model_of, seen
+from zeromethod.light_array.frames import FRAME_BYTES, LEVELS, READINGS, Frames, levels_frame, readings_frame
+from zeromethod.light_array.loop import LightLoop
+from zeromethod.light_array.modes import Modes
+from zeromethod.light_array.simulated import FramedMirror, SimulatedArrays
+from zeromethod.light_array.start import levels_at_rest
+from zeromethod.loop.state import State
+
+PRESS = (42.0, 0.0, 6.0, 0.2)
+
+
+def test_the_optics_of_the_reader_see_what_traced_rays_see():
+    rig = leds.packaged(led_spread=0.0, detector_spread=0.0)
+    arrays, model = SimulatedArrays(rig), model_of(rig)
+    levels = levels_at_rest(rig) / 65535
+    true = arrays._seen(FramedMirror(leds.pressed([]).mirror_at(0), rig)) @ levels
+    found = seen(light_at(model, looked_at(model, np.zeros(rig.reading.modes))), levels)
+    # apertures are combined here as a variance, there ray by ray; what is left is taken out at rest
+    assert np.abs(found - true).max() < 0.003
+
+
+def test_slopes_and_bends_of_the_modes_are_those_of_their_depth():
+    rig = leds.packaged()
+    modes = Modes.of(rig)
+    points, step = np.array([[30.0, -7.0], [55.0, 11.0]]), 1e-4
+    fields = modes.derivatives(points)
+    for axis, first, second in ((0, 1, 3), (1, 2, 5)):
+        shift = np.eye(2)[axis] * step
+        ahead, behind = modes.depth(points + shift), modes.depth(points - shift)
+        np.testing.assert_allclose((ahead - behind) / (2 * step), fields[first], atol=1e-9)
+        np.testing.assert_allclose(
+            (ahead - 2 * modes.depth(points) + behind) / step**2, fields[second], atol=1e-6
+        )
+    edge = np.array([[17.0, 3.0], [67.0, 3.0], [40.0, 18.0], [40.0, -18.0]])
+    np.testing.assert_allclose(modes.depth(edge), 0, atol=1e-12)
+
+
+def test_a_sudden_press_is_nulled_within_2_ms_and_read_within_2_percent():
+    out = leds.run(leds.packaged(), leds.pressed([PRESS]))
+    assert out.lock_s <= 0.002
+    assert out.faults == {}
+    assert out.end is State.LOCKED
+    assert len(out.errors) > 50
+    assert max(abs(error[0]) for error in out.errors) < 0.02
+    # untouched, 50 readings of the whole view know the rms to a percent or so
+    assert np.sqrt(np.mean(np.square(out.untouched))) < 2e-4
+
+
+def test_the_levels_show_the_press_and_readings_do_not():
+    rig = leds.packaged()
+    arrays = SimulatedArrays(rig)
+    arrays.scenario = leds.pressed([(42.0, 0.0, 8.0, 0.05)])
+    loop = LightLoop(rig, arrays)
+    *_, step = loop.run(seconds=0.1)
+    assert step.state is State.LOCKED
+    # a residual of noise alone, while levels moved by ten times as much
+    assert step.light_residual < 1.5 * rig.detectors.noise
+    moved = (step.shown.astype(float) - loop.start.levels) / 65535
+    assert np.sqrt(np.mean(moved**2)) > 10 * rig.detectors.noise
+
+
+def test_dead_channels_are_named_at_the_start_and_left_out():
+    dead = {"dead_leds": (17, 120), "dead_detectors": (3, 136), "saturated_detectors": (200,)}
+    out = leds.run(leds.packaged(fault_s=-10.0, **dead), leds.pressed([PRESS]))
+    assert out.faults == {
+        "LED 17": "dead",
+        "LED 120": "dead",
+        "detector 3": "dead",
+        "detector 136": "dead",
+        "detector 200": "saturated",
+    }
+    assert max(abs(error[0]) for error in out.errors) < 0.02
+
+
+@pytest.mark.parametrize(
+    ("values", "name"),
+    [
+        ({"dead_leds": (119,)}, "LED 119 is dead"),
+        ({"dead_detectors": (100,)}, "detector 100 is dead"),
+        ({"drifting_detectors": (150,)}, "detector 150 is drifting"),
+    ],
+)
+def test_a_channel_that_fails_at_rest_is_named_and_no_other(values, name):
+    out = leds.run(leds.packaged(fault_s=0.02, **values), leds.pressed([PRESS], 0.25), 0.28)
+    assert [key for key in out.counts if key.endswith(("dead", "drifting"))] == [name]
+    assert len(out.faults) == 1
+    assert max(abs(error[0]) for error in out.errors) < 0.02
+
+
+def test_a_dent_too_fine_for_the_modes_is_not_called_good_where_sigma_does_not_cover_it():
+    out = leds.run(leds.packaged(), leds.pressed([(42.0, 0.0, 2.0, 0.05)]))
+    assert all(abs(error[1]) < 3 for error in out.errors)
+
+
+def test_a_recording_repeats_bit_for_bit_and_says_so_where_it_does_not(tmp_path):
+    file, summary = tmp_path / "run.h5", tmp_path / "run.json"
+    ran = run("run --rig leds --scenario step --seconds 0.25 --record", file, "--summary", summary)
+    assert ran.code == 0, ran.err
+    figures = json.loads(summary.read_text())
+    assert figures["state"] == "locked"
+    assert figures["frames"] > 1000
+    again = run("replay", file)
+    assert again.code == 0
+    assert "the same, bit for bit" in again.out
+    with h5py.File(file, "r+") as recorded:
+        # one reading of the press, by one count
+        row = recorded["readings"][-600]
+        row["counts"][100] += 1
+        recorded["readings"][-600] = row
+    assert "not the same" in run("replay", file).out
+    assert "not with a recording of arrays" in run("replay", file, "--gain 0.5").err
+    assert run("run --rig leds --record", file).code == 2
+
+
+def test_frames_come_through_noise_on_the_line():
+    levels = np.arange(256, dtype=np.uint16)
+    frames = Frames(LEVELS)
+    one, two = levels_frame(7, levels), levels_frame(8, levels[::-1].copy())
+    broken = bytearray(levels_frame(9, levels))
+    broken[50] ^= 1
+    stream = b"ZLx" + one[:100] + one + b"Z" + bytes(broken) + two
+    found = [frame for k in range(0, len(stream), 33) for frame in frames.add(stream[k : k + 33])]
+    assert [frame.number for frame in found] == [7, 8]
+    np.testing.assert_array_equal(found[1].counts, levels[::-1])
+    assert frames.broken == 2
+    assert len(one) == FRAME_BYTES == 536
+    assert Frames(READINGS).add(one) == []
+    assert Frames(READINGS).add(readings_frame(found[0]))[0].number == 7
+
+
+def test_what_is_named_is_the_channel_that_explains_most():
+    rig = leds.packaged()
+    arrays = SimulatedArrays(rig)
+    arrays.scenario = leds.pressed([])
+    loop = LightLoop(rig, arrays)
+    *_, step = loop.run(frames=30)
+    model = loop.model
+    light = light_at(model, looked_at(model, np.zeros(rig.reading.modes)))
+    lit = step.shown / 65535
+    dead = -seen(light, np.where(np.arange(256) == 88, lit, 0.0)) / model.sigma
+    channels, reading = Channels(loop.start), loop.start.reading(step.counts)
+    frame = Seen(dead, 1.0, step.counts, reading, light, lit, model.sigma)
+    assert channels._name(frame, dead, np.abs(dead) > 6, slow=False) == ["LED 88 is dead and left out"]
+    assert channels.led[88] == 0

@@ -1,0 +1,79 @@
+"""Arrays behind a link: a process of its own serves them, loses frames, breaks them, stalls, dies."""
+
+import subprocess
+import sys
+import time
+from contextlib import contextmanager
+
+import pytest
+
+from zeromethod.errors import InputError
+from zeromethod.light_array.link import LinkedArrays
+from zeromethod.light_array.rig import load_light_array
+from zeromethod.light_array.session import LightSession
+from zeromethod.loop.state import State
+
+
+@contextmanager
+def stand_in(*options):
+    command = [sys.executable, "-m", "zeromethod.light_array.stand_in", *map(str, options)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            yield process, process.stdout.readline().strip()
+        finally:
+            process.kill()
+
+
+def at(address, reopen_s=2.0):
+    return load_light_array("leds").changed(arrays={"address": address, "reopen_s": reopen_s})
+
+
+@pytest.mark.parametrize("link", ["udp://127.0.0.1:0", "serial"])
+def test_lost_and_broken_frames_are_counted_and_readings_go_on(link):
+    options = ("--scenario", "none", "--lose", 0.01, "--break", 0.01, "--wait", 0.05)
+    with stand_in(link, *options) as (_, address), LightSession(at(address)) as session:
+        for _ in session.run(600, None):
+            pass
+        figures = session.figures
+    assert figures["state"] in {"resting", "locked"}
+    # of some 3000 readings 30 are lost and 30 broken: fewer than 10 of either comes once in 100,000 runs
+    assert figures["events"]["frames broken on the way"] > 10
+    assert figures["events"]["readings lost"] > 10
+    assert figures["readings_of_depth"] > 50
+
+
+def test_a_stall_is_held_and_ends():
+    options = ("--scenario", "none", "--stall", 2600, 0.6)
+    with stand_in("udp://127.0.0.1:0", *options) as (_, address), LightSession(at(address)) as session:
+        steps = [(step.state, step.reason) for step in session.run(400, None)]
+    held = [reason for state, reason in steps if state is State.HOLDING]
+    assert held
+    assert held[0].startswith("no readings for 0.1 s")
+    assert steps[-1][0] in {State.RESTING, State.LOCKED}
+
+
+@pytest.mark.parametrize("link", ["udp://127.0.0.1:0", "serial"])
+def test_arrays_that_die_end_the_run_with_a_reason(link):
+    began = time.monotonic()
+    options = ("--scenario", "none", "--end", 2700)
+    with stand_in(link, *options) as (_, address), LightSession(at(address, reopen_s=0.5)) as session:
+        *_, last = session.run(None, None)
+    assert last.state is State.FAULT
+    assert last.reason.startswith(("the arrays sent nothing", "the arrays are lost"))
+    assert time.monotonic() - began < 60  # by itself, however busy the machine
+
+
+def test_addresses_that_are_none_are_refused():
+    for address in (
+        "tcp://1.2.3.4:5",
+        "udp://127.0.0.1:0",
+        "udp://x",
+        "serial://dev/x",
+        "udp://127.0.0.1:99999",
+    ):
+        with pytest.raises(InputError, match='allowed: "simulated", udp://HOST:PORT'):
+            LinkedArrays(address)
+    with pytest.raises(InputError, match="cannot be opened"):
+        LinkedArrays("serial:///dev/no-such-line")
+    with pytest.raises(InputError, match="no serial line"):
+        LinkedArrays("serial:///dev/null")

@@ -1,0 +1,1 @@
+"""Arrays of LEDs and photodetectors in place of LCD and camera: the zero method in light levels."""

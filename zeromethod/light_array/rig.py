@@ -1,0 +1,180 @@
+"""The rig file of LED and photodetector arrays: its tables, and how it is told from a camera's."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, ValidationError, model_validator
+
+from zeromethod.errors import InputError
+from zeromethod.resources import resource
+from zeromethod.rig.load import LIGHT_ARRAYS, read_text, rig_path
+from zeromethod.rig.prism_tables import Prism
+from zeromethod.rig.refusal import first_refusal, refused
+from zeromethod.rig.tables import Count, NotNegative, Positive, Rate, Share, Table, Text, Vector2
+
+SIDE = 16
+"""LEDs and detectors along each side of their arrays."""
+
+Channels = tuple[Annotated[int, Field(ge=0, lt=SIDE * SIDE)], ...]
+"""Numbers of LEDs or detectors: row * 16 + column, column along the face, row along y."""
+
+
+class Leds(Table):
+    """LEDs on the pattern face. spot_mm: Gaussian sigma of one LED's light on the diffuser."""
+
+    pitch_mm: Positive
+    centre_mm: Vector2
+    spot_mm: Positive
+
+    @model_validator(mode="after")
+    def _spots(self) -> Leds:
+        if not 0.35 <= self.spot_mm / self.pitch_mm <= 0.8:
+            rule = "0.35 to 0.8 of leds.pitch_mm: narrower spots leave gaps, wider ones cannot be levelled"
+            raise refused("spot_mm", self.spot_mm, rule)
+        return self
+
+
+class Detectors(Table):
+    """Photodetectors on the camera face, each behind a lens that looks along the face's normal.
+
+    aperture_mm, acceptance_mrad: Gaussian sigmas of where on the face and from where light is taken in.
+    noise: standard deviation of one reading, of full scale.
+    """
+
+    pitch_mm: Positive
+    centre_mm: Vector2
+    aperture_mm: NotNegative
+    acceptance_mrad: NotNegative
+    rate_hz: Rate
+    noise: Annotated[float, Field(ge=1e-5, le=0.05)]
+
+
+class Pattern(Table):
+    """Levels at rest: mean (1 + contrast (cos + cos) / ...), crossed cosines of whole LED pitches."""
+
+    mean: Annotated[float, Field(gt=0, lt=1)]
+    contrast: Annotated[float, Field(gt=0, le=0.6)]
+    period_pitches: Annotated[int, Field(ge=3, le=8)]
+
+
+class Control(Table):
+    """gain: share of each correction of the levels that is applied."""
+
+    gain: Annotated[float, Field(gt=0, le=1)] = 0.8
+
+
+class Frame(Table):
+    """Opening of the stiff frame that holds the mirror's border at rest, on the mirror."""
+
+    x_mm: Vector2
+    y_mm: Vector2
+
+    @model_validator(mode="after")
+    def _opening(self) -> Frame:
+        for key in ("x_mm", "y_mm"):
+            low, high = getattr(self, key)
+            if high - low < 5:
+                raise refused(key, [low, high], "from, to, at least 5 mm apart")
+        return self
+
+
+class Reading(Table):
+    """How many modes depth is read in, and what dents are expected: their least sigma and rms depth."""
+
+    modes: Annotated[int, Field(ge=6, le=100)]
+    dent_mm: Positive
+    depth_mm: Positive
+
+
+class Arrays(Table):
+    """Where the arrays are: "simulated", udp://HOST:PORT or serial:///dev/NAME."""
+
+    address: Text = "simulated"
+    reopen_s: Annotated[float, Field(ge=0, le=600)] = 10.0
+
+
+class Simulation(Table):
+    """The simulated arrays, and faults planted from `fault_s` of the scenario on.
+
+    led_spread, detector_spread: rms of their gains about 1. drift_per_s: relative. lose_frames: lost
+    readings. turned_mrad: by how much the detectors are truly turned about y against the rig file.
+    """
+
+    seed: Count = 0
+    begin_s: NotNegative = 0.5
+    led_spread: Annotated[float, Field(ge=0, le=0.2)] = 0.0
+    detector_spread: Annotated[float, Field(ge=0, le=0.2)] = 0.0
+    latency_frames: Annotated[int, Field(ge=0, le=20)] = 1
+    fault_s: float = 0.0
+    dead_leds: Channels = ()
+    dead_detectors: Channels = ()
+    saturated_detectors: Channels = ()
+    drifting_leds: Channels = ()
+    drifting_detectors: Channels = ()
+    drift_per_s: float = -0.05
+    ambient: Share = 0.0
+    brightness: Annotated[float, Field(gt=0, le=2)] = 1.0
+    turned_mrad: float = 0.0
+    lose_frames: tuple[Count, ...] = ()
+    stall_at_frame: Count | None = None
+    stall_s: NotNegative = 0.0
+
+
+class LightArrayRig(Table):
+    """A bench with arrays in place of LCD and camera, as its rig file describes it."""
+
+    schema_version: Literal[2]
+    name: Text
+    prism: Prism
+    frame: Frame
+    leds: Leds
+    detectors: Detectors
+    pattern: Pattern
+    control: Control = Control()
+    reading: Reading
+    arrays: Arrays = Arrays()
+    simulation: Simulation = Simulation()
+    scenario: Text = "default"
+
+    def changed(self, **tables: dict[str, Any] | str) -> LightArrayRig:
+        """Rig with other values of its tables, checked: `changed(simulation={"seed": 1})`."""
+        data = json.loads(self.model_dump_json(exclude_unset=True))
+        for name, values in tables.items():
+            data[name] = {**data.get(name, {}), **values} if isinstance(values, dict) else values
+        return checked(data, "rig")
+
+
+def checked(data: dict[str, Any], where: str | Path) -> LightArrayRig:
+    """Rig of a file's values. Raises InputError "where: key: value: what is allowed"."""
+    try:
+        rig = LightArrayRig.model_validate_json(json.dumps(data), strict=True)
+    except ValidationError as error:
+        raise InputError(f"{where}: {first_refusal(error, LightArrayRig)}") from None
+    if rig.prism.rest.shape != "flat":
+        raise InputError(f"{where}: prism.rest.shape: {rig.prism.rest.shape!r}: flat, with arrays")
+    return rig
+
+
+def parse(text: str, where: str | Path) -> LightArrayRig | None:
+    """Rig of a file's text; None where it is none of arrays, or no TOML, which `load_rig` then refuses."""
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError:
+        return None
+    return checked(data, where) if "leds" in data else None
+
+
+def load_light_array(name: str | Path) -> LightArrayRig | None:
+    """Rig of arrays from a file, or the packaged "leds"; None where it is a camera's rig, or missing."""
+    if str(name) in LIGHT_ARRAYS:
+        path = resource("calibration", "rigs", f"{name}.toml")
+    else:
+        try:
+            path = rig_path(name)
+        except InputError:
+            return None
+    return parse(read_text(path), path)

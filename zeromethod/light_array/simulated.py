@@ -1,0 +1,182 @@
+"""Simulated arrays: light followed ray by ray from the detectors to the LEDs by the true mirror, with faults.
+
+It shares nothing with the reader but the rig file: sixteen rays for each detector over lens and acceptance,
+met with the true dents and their images in the frame, and every LED's spot at every ray's end.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from zeromethod.arrays import Float
+from zeromethod.light_array.devices import FULL_SCALE, Counts, Readings
+from zeromethod.light_array.rig import SIDE, LightArrayRig
+from zeromethod.rig.prism_tables import Prism
+from zeromethod.simulation.press import Mirror
+from zeromethod.simulation.scenario import Scenario, load_scenario
+
+_PAIRS = np.sqrt(2) * np.array([(1, 0), (-1, 0), (0, 1), (0, -1)])
+"""Place on the lens and direction, in sigmas, that stand for all along one axis: exact to third order."""
+
+_PASSES = 2
+
+
+class FramedMirror:
+    """The true mirror in its frame: dents add up with their images, so that it is at rest along the frame."""
+
+    def __init__(self, mirror: Mirror, rig: LightArrayRig) -> None:
+        self._mirror = mirror
+        (self._x0, self._x1), (self._y0, self._y1) = rig.frame.x_mm, rig.frame.y_mm
+
+    def field(self, x: Float, y: Float) -> tuple[Float, Float, Float]:
+        """(depth mm, dd/dx, dd/dy) at points."""
+        if not self._mirror.dents:
+            return np.zeros(x.shape), np.zeros(x.shape), np.zeros(x.shape)
+        xs = ((x, 1.0), (2 * self._x0 - x, -1.0), (2 * self._x1 - x, -1.0))
+        ys = ((y, 1.0), (2 * self._y0 - y, -1.0), (2 * self._y1 - y, -1.0))
+        places = np.array([(a, b) for a, _ in xs for b, _ in ys])
+        depth = self._mirror.depth(places[:, 0], places[:, 1])
+        by_x, by_y = self._mirror.slope(places[:, 0], places[:, 1])
+        signs = np.array([(a, b) for _, a in xs for _, b in ys]).reshape(9, 2, *(1,) * x.ndim)
+        both = signs[:, 0] * signs[:, 1]
+        # an image's own coordinate runs backwards: its slope has the other sign once more
+        return (both * depth).sum(0), (signs[:, 1] * by_x).sum(0), (signs[:, 0] * by_y).sum(0)
+
+
+class SimulatedArrays:
+    """Arrays in simulated time. scenario: what presses, from `simulation.begin_s` on."""
+
+    live = False
+
+    def __init__(self, rig: LightArrayRig) -> None:
+        self.rig, self.refused = rig, 0
+        self.scenario: Scenario = load_scenario(rig.scenario)
+        spec = rig.simulation
+        rng = np.random.default_rng(spec.seed)
+        count = SIDE * SIDE
+        self._led_gain = 1 + spec.led_spread * rng.standard_normal(count)
+        self._detector_gain = 1 + spec.detector_spread * rng.standard_normal(count)
+        self._dark = 0.01 + 0.002 * rng.random(count)
+        self._noise = np.random.default_rng([spec.seed, 1])
+        self._rays = _rays(rig)
+        self._waiting: list[tuple[int, Counts]] = []
+        self._shown = (0, np.zeros(count, np.uint16))
+        self._number = 0
+        self._mirror: Mirror | None = None
+        self._spots = np.zeros((count, count))
+        self._stall_s = spec.stall_s
+
+    def send(self, number: int, levels: Counts) -> None:
+        """Have levels lit, `latency_frames` later than the next reading."""
+        self._waiting.append((number, levels.copy()))
+
+    def receive(self, timeout_s: float) -> Readings | None:
+        """Return the next readings; time passes by it alone."""
+        spec, rate_hz = self.rig.simulation, self.rig.detectors.rate_hz
+        if self._number == spec.stall_at_frame and self._stall_s > 0:
+            self._stall_s -= timeout_s
+            return None
+        while True:
+            number = self._number
+            self._number += 1
+            if len(self._waiting) > spec.latency_frames:
+                self._shown = self._waiting.pop(0)
+            if number not in spec.lose_frames:
+                break
+        return Readings(number, self._shown[0], round(1e9 * number / rate_hz), self._read(number / rate_hz))
+
+    def reopen(self) -> bool:
+        """Nothing is ever lost."""
+        return True
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+    def scenario_ns(self, time_ns: int) -> int:
+        """Time of the scenario at a time of the arrays, ns."""
+        return time_ns - round(1e9 * self.rig.simulation.begin_s)
+
+    def true_mirror(self, time_ns: int) -> FramedMirror:
+        """The mirror at a time of the arrays."""
+        return FramedMirror(self.scenario.mirror_at(self.scenario_ns(time_ns)), self.rig)
+
+    def phase_at(self, time_ns: int) -> str:
+        """Part of the scenario at a time of the arrays."""
+        return self.scenario.phase_at(self.scenario_ns(time_ns)) or ""
+
+    def _read(self, time_s: float) -> Counts:
+        spec = self.rig.simulation
+        mirror = self.scenario.mirror_at(self.scenario_ns(round(1e9 * time_s)))
+        if mirror != self._mirror:
+            self._mirror, self._spots = mirror, self._seen(FramedMirror(mirror, self.rig))
+        led, detector = self._led_gain.copy(), self._detector_gain.copy()
+        since_s = time_s - spec.begin_s - spec.fault_s
+        light = self._shown[1] / FULL_SCALE
+        ambient, brightness = 0.0, 1.0
+        if since_s >= 0:
+            led[list(spec.drifting_leds)] *= max(1 + spec.drift_per_s * since_s, 0.0)
+            detector[list(spec.drifting_detectors)] *= max(1 + spec.drift_per_s * since_s, 0.0)
+            led[list(spec.dead_leds)] = 0.0
+            detector[list(spec.dead_detectors)] = 0.0
+            ambient, brightness = spec.ambient, spec.brightness
+        seen = detector * (brightness * (self._spots @ (led * light)) + ambient) + self._dark
+        seen += self.rig.detectors.noise * self._noise.standard_normal(seen.shape)
+        if since_s >= 0:
+            seen[list(spec.saturated_detectors)] = 1.0
+        return np.asarray(np.clip(np.rint(seen * FULL_SCALE), 0, FULL_SCALE), np.uint16)
+
+    def _seen(self, mirror: FramedMirror) -> Float:
+        """(256, 256) share of every LED's light in every detector's reading."""
+        start, direction = self._rays
+        reach = -start[..., 2] / direction[..., 2]
+        for _ in range(_PASSES):  # the mirror lies at z = -depth
+            place = start + reach[..., None] * direction
+            depth, by_x, by_y = mirror.field(place[..., 0], place[..., 1])
+            short = -depth - place[..., 2]
+            reach = reach + short / (direction[..., 2] + by_x * direction[..., 0] + by_y * direction[..., 1])
+        place = start + reach[..., None] * direction
+        _, by_x, by_y = mirror.field(place[..., 0], place[..., 1])
+        normal = np.stack([by_x, by_y, np.ones_like(by_x)], axis=-1)
+        into = np.sum(direction * normal, axis=-1) / np.sum(normal**2, axis=-1)
+        away = direction - 2 * into[..., None] * normal
+        # the pattern face: through P0, at its angle below the mirror
+        angle = np.radians(self.rig.prism.pattern_angle_deg)
+        sine, cosine = np.sin(angle), np.cos(angle)
+        rest = -(place[..., 0] * sine + place[..., 2] * cosine) / (
+            away[..., 0] * sine + away[..., 2] * cosine
+        )
+        end = place + rest[..., None] * away
+        u, v = end[..., 0] * cosine - end[..., 2] * sine, end[..., 1]
+        leds = self.rig.leds
+        steps: Float = leds.pitch_mm * (np.arange(SIDE, dtype=np.float64) - (SIDE - 1) / 2)
+        across = _spot(v, leds.centre_mm[1] + steps, leds.spot_mm, leds.pitch_mm) / len(_PAIRS) ** 2
+        along = _spot(u, leds.centre_mm[0] + steps, leds.spot_mm, leds.pitch_mm)
+        return np.asarray(np.matmul(across.transpose(0, 2, 1), along).reshape(SIDE * SIDE, SIDE * SIDE))
+
+
+def _spot(at: Float, leds: Float, spot_mm: float, pitch_mm: float) -> Float:
+    """(n, rays, 16) light of a row of spots; all rows and columns together are about 1 everywhere."""
+    scale = pitch_mm / (np.sqrt(2 * np.pi) * spot_mm)
+    return np.asarray(scale * np.exp(-((at[..., None] - leds) ** 2) / (2 * spot_mm**2)))
+
+
+def _rays(rig: LightArrayRig) -> tuple[Float, Float]:
+    """Starts and directions (256, 16, 3) of the rays of every detector, with equal shares of its light."""
+    prism: Prism = rig.prism
+    alpha, beta = np.radians(prism.pattern_angle_deg), np.radians(prism.camera_angle_deg)
+    length = prism.mirror_length_mm
+    if length is None:
+        assert prism.pattern_length_mm is not None
+        length = prism.pattern_length_mm * np.sin(alpha + beta) / np.sin(beta)
+    detectors, turned = rig.detectors, 1e-3 * rig.simulation.turned_mrad
+    steps = (np.arange(SIDE) - (SIDE - 1) / 2) * detectors.pitch_mm
+    v, u = (part.ravel()[:, None] for part in np.meshgrid(steps, steps, indexing="ij"))
+    u, v = u + detectors.centre_mm[0], v + detectors.centre_mm[1]
+    across, along = (part.ravel() for part in np.meshgrid(range(4), range(4), indexing="ij"))
+    u = u + detectors.aperture_mm * _PAIRS[along, 0]
+    v = v + detectors.aperture_mm * _PAIRS[across, 0]
+    start = np.stack([length - u * np.cos(beta), v, -u * np.sin(beta)], axis=-1)
+    tilt = beta + 1e-3 * detectors.acceptance_mrad * _PAIRS[along, 1] + turned
+    aside = 1e-3 * detectors.acceptance_mrad * _PAIRS[across, 1]
+    direction = np.stack([-np.sin(tilt), aside + 0 * tilt, np.cos(tilt)], axis=-1)
+    return start, np.broadcast_to(direction, start.shape)

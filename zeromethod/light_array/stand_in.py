@@ -1,0 +1,114 @@
+"""Stands in for real arrays: a process that serves simulated ones by UDP or a pseudo-terminal, with faults.
+
+    python -m zeromethod.light_array.stand_in udp://127.0.0.1:5010 --scenario step
+    python -m zeromethod.light_array.stand_in serial --lose 0.01 --break 0.01
+
+It sends a reading, waits at most `--wait` for the levels that answer it, and goes on: its clock is simulated
+time, so that a slow host, or computer, loses nothing. The first line on standard output is the address to
+give to `run --camera`.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import socket
+import sys
+import time
+import tty
+
+import click
+import numpy as np
+
+from zeromethod.errors import InputError
+from zeromethod.light_array.devices import Readings
+from zeromethod.light_array.frames import FRAME_BYTES, LEVELS, Frames, readings_frame, unpacked
+from zeromethod.light_array.rig import load_light_array
+from zeromethod.light_array.simulated import SimulatedArrays
+
+
+class _Line:
+    """The stand-in's end of a link."""
+
+    def __init__(self, address: str) -> None:
+        self._socket: socket.socket | None = None
+        self._peer: tuple[str, int] | None = None
+        self._frames = Frames(LEVELS)
+        if address.startswith("udp://"):
+            host, _, port = address.removeprefix("udp://").rpartition(":")
+            self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+            self._socket.bind((host, int(port)))
+            self._handle = self._socket.fileno()
+            self.address = f"udp://{host}:{self._socket.getsockname()[1]}"
+        else:
+            self._handle, far = os.openpty()
+            tty.setraw(far)
+            self.address = f"serial://{os.ttyname(far)}"
+
+    def levels(self, wait_s: float) -> list[Readings]:
+        """Frames of levels that have come."""
+        if not select.select([self._handle], [], [], wait_s)[0]:
+            return []
+        if self._socket is None:
+            return self._frames.add(os.read(self._handle, 1 << 16))
+        data, self._peer = self._socket.recvfrom(FRAME_BYTES + 1)
+        found = unpacked(data, LEVELS)
+        return [] if found is None else [found]
+
+    def send(self, frame: bytes) -> None:
+        """Send a frame to whoever asked last."""
+        if self._socket is not None:
+            if self._peer is not None:
+                self._socket.sendto(frame, self._peer)
+        elif select.select([], [self._handle], [], 0)[1]:
+            os.write(self._handle, frame)
+
+
+@click.command(context_settings={"help_option_names": ["-h", "--help"]})
+@click.argument("address", default="udp://127.0.0.1:5010")
+@click.option("--rig", default="leds", help="Rig file of the arrays.")
+@click.option("--scenario", default=None, help="What presses.")
+@click.option("--lose", type=click.FloatRange(0, 1), default=0.0, help="Share of readings that are lost.")
+@click.option(
+    "--break", "broken", type=click.FloatRange(0, 1), default=0.0, help="Share that are broken on the way."
+)
+@click.option(
+    "--stall",
+    nargs=2,
+    type=float,
+    default=(0.0, 0.0),
+    help="Send nothing from this frame on, for so long, s.",
+)
+@click.option("--end", type=int, default=None, help="End after so many frames.")
+@click.option("--wait", "wait_s", type=float, default=0.02, help="Wait so long for an answer, s.")
+def stand_in(
+    address: str, rig: str, scenario: str | None, lose: float, broken: float, stall: tuple[float, float],
+    end: int | None, wait_s: float,
+) -> None:  # fmt: skip
+    """Serve simulated arrays at ADDRESS: udp://HOST:PORT, or serial."""
+    arrays = load_light_array(rig)
+    if arrays is None:
+        raise InputError(f"--rig: {rig}: a rig of arrays")
+    device = SimulatedArrays(arrays.changed(**({} if scenario is None else {"scenario": scenario})))
+    line, luck, count = _Line(address), np.random.default_rng(0), 0
+    click.echo(line.address)
+    sys.stdout.flush()
+    while not (asked := line.levels(0.2)):
+        pass
+    while end is None or count < end:
+        for one in asked:
+            device.send(one.number, one.counts)
+        found = device.receive(0.1)
+        count += 1
+        if count == int(stall[0]):
+            time.sleep(stall[1])
+        if found is not None and luck.random() >= lose:
+            frame = bytearray(readings_frame(found))
+            if luck.random() < broken:
+                frame[100] ^= 0xFF
+            line.send(bytes(frame))
+        asked = line.levels(wait_s)
+
+
+if __name__ == "__main__":
+    stand_in()

@@ -1,0 +1,84 @@
+"""Table and picture of a run of LED and detector arrays."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+
+from zeromethod.light_array.devices import FULL_SCALE
+from zeromethod.light_array.rig import SIDE
+from zeromethod.light_array.session import LightSession
+from zeromethod.view.axes import centred, colour_bar, colours, labelled, picture
+from zeromethod.view.table import pair_table
+
+_ROWS = (
+    ("state at the end", ("state",), "{}"),
+    ("frames (lost)", ("frames", "dropped"), "{} ({})"),
+    ("readings of depth, each of five frames", ("readings_of_depth",), "{}"),
+    ("residual at the end, of full scale", ("light_residual",), "{:.5f}"),
+    ("residual while pressed", ("light_residual_pressed",), "{:.5f}"),
+    ("peak depth at the end (sigma)", ("depth_peak_mm", "depth_peak_sigma_mm"), "{:.5f} mm ({:.5f})"),
+    ("peak error, worst of hold and slide", ("depth_peak_error_percent",), "{:+.3f} %"),
+    ("the same in its sigmas", ("depth_peak_error_sigmas",), "{:+.2f}"),
+    ("depth error in hold and slide", ("depth_rms_error_um",), "{:.3f} µm rms"),
+    ("depth noise untouched, 1 kHz", ("untouched_rms_um",), "{:.3f} µm rms"),
+    ("computing, readings in to levels out", ("median", "p99"), "{:.3f} ms (p99 {:.3f})"),
+)
+
+
+def light_table(figures: dict[str, Any]) -> Table:
+    """Table of the figures that there are."""
+    known = figures | figures.get("truth", {}) | figures["loop_ms"]
+    rows = [
+        (label, pattern.format(*(known[key] for key in keys)))
+        for label, keys, pattern in _ROWS
+        if all(known.get(key) is not None for key in keys)
+    ]
+    rows += [("left out", f"{name}: {why}") for name, why in figures["faults"].items()]
+    return pair_table([*rows, *(("event", f"{name} x {count}") for name, count in figures["events"].items())])
+
+
+def plot_light_run(session: LightSession, path: Path) -> None:
+    """Levels at rest and where the press was deepest, depth there, a section, and the peak over time."""
+    with picture(path, (12, 7), f"zeromethod  rig {session.rig.name}: zero method in light levels") as figure:
+        axes = figure.subplots(2, 3)
+        rest = None if session.loop.start is None else session.loop.start.levels
+        for axis, levels, title in (
+            (axes[0, 0], rest, "LED levels at rest"),
+            (axes[0, 1], None if session.pressed is None else session.pressed[0], "LED levels, nulled"),
+        ):
+            labelled(axis, title, "LED along the face", "LED along y")
+            if levels is not None:
+                light = levels.reshape(SIDE, SIDE) / FULL_SCALE
+                shown = axis.imshow(light, cmap="gray", vmin=0, vmax=1, origin="lower")
+                colour_bar(axis, shown, "of full light")
+        if session.pressed is None:
+            for axis in (axes[0, 2], axes[1, 0], axes[1, 1], axes[1, 2]):
+                centred(axis, "nothing was read")
+            return
+        levels, modes, step = session.pressed
+        assert rest is not None
+        change = (levels.astype(float) - rest).reshape(SIDE, SIDE) / FULL_SCALE
+        shown = axes[0, 2].imshow(change, origin="lower", **colours(change, 100, signed=True))
+        labelled(axes[0, 2], "change of the levels: what is measured", "LED along the face", "LED along y")
+        colour_bar(axes[0, 2], shown, "of full light")
+        x, y, depth = session.loop.reader.depth_map(modes)
+        shown = axes[1, 0].pcolormesh(
+            x, y, 1e3 * depth, shading="nearest", **colours(1e3 * depth, 100, signed=True)
+        )
+        axes[1, 0].set_aspect("equal")
+        labelled(axes[1, 0], f"depth at {step.time_s:.3f} s", "x, mm", "y, mm")
+        colour_bar(axes[1, 0], shown, "µm")
+        row = int(np.unravel_index(np.argmax(np.abs(depth)), depth.shape)[0])
+        axes[1, 1].plot(x, 1e3 * depth[row], label="read")
+        if (true := session.true_depth(step, x, np.full(x.shape, y[row]))) is not None:
+            axes[1, 1].plot(x, 1e3 * true, "--", label="true")
+            axes[1, 1].legend()
+        labelled(axes[1, 1], f"section at y = {y[row]:.1f} mm", "x, mm", "depth, µm")
+        time_s, peak, sigma, _ = np.array(session.history).T
+        axes[1, 2].plot(time_s, 1e3 * peak)
+        axes[1, 2].fill_between(time_s, 1e3 * (peak - 2 * sigma), 1e3 * (peak + 2 * sigma), alpha=0.3)
+        labelled(axes[1, 2], "peak, and two sigma", "s", "µm")
