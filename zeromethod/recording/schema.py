@@ -345,3 +345,7 @@ def _checksums(group: str, own: Collection[Part], kept: str = "") -> Part:
 def number_name(group: str) -> str:
     """Dataset that numbers a group's items: `step`; `row` of presentation_log/table for pictures."""
     return f"{group}/row" if group == "pictures" else f"{group}/step"
+
+
+LIGHT_ARRAYS = "zeromethod light arrays"
+"""Format of recordings of LED and photodetector arrays, which have a layout of their own."""
