@@ -33,7 +33,7 @@ from zeromethod.simulation.path import PathPoint, place_at
 from zeromethod.simulation.watch_camera import SimulatedWatchCamera
 
 APPROACHES, QUICK = 500, 24
-TOUCHES, QUICK_TOUCHES = 20, 3
+TOUCHES, QUICK_TOUCHES, QUICK_MINUTES = 20, 3, 2
 MINUTE_FRAMES = 1800
 LATENCY_S = 0.02
 """From a frame's mid-exposure until its answer is there: read-out and computing."""
@@ -171,7 +171,7 @@ def fault(rig: Rig, kind: str) -> dict[str, Any]:
                 steps = list(session.run())
             peaks.append([step.depth_peak_mm for step in steps])
             named |= any(one.approach is not None and one.approach.watching in FAULTY for one in steps)
-    changed = int(np.sum(~np.isclose(*peaks, rtol=0, atol=0, equal_nan=True)))
+    changed = int(np.sum(~np.isclose(np.array(peaks[0]), np.array(peaks[1]), rtol=0, atol=0, equal_nan=True)))
     return {"fault": kind, "named": named, "changed": changed}
 
 
@@ -268,7 +268,7 @@ def measure(approaches: int, minutes: int, touches: int, parts: Parts) -> Report
 def command(quick: bool, minutes: float, keep: Path | None, most_runs: int | None) -> Report:
     count, touches = (QUICK, QUICK_TOUCHES) if quick else (APPROACHES, TOUCHES)
     parts = Parts(keep, most_runs, quick=quick, minutes=minutes)
-    return measure(count, round(minutes), touches, parts)
+    return measure(count, round(min(minutes, QUICK_MINUTES) if quick else minutes), touches, parts)
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ import click
 import numpy as np
 
 from benchmarks.report import Figure, Report, benchmark, start
-from benchmarks.rigs import changed, coarser, opened, pressed, small_rig
+from benchmarks.rigs import VIEW_MIDDLE_MM, changed, coarser, opened, pressed
 from zeromethod.devices.protocols import TrueMirror
 from zeromethod.loop.events import Event
 from zeromethod.loop.state import State
@@ -35,6 +35,8 @@ FRAMES_AFTER = 40
 DEPTH_MM, CHANGED_MM = 0.2, 0.12
 WITHIN_PERCENT = 1.0
 GOOD = {State.LOCKED, State.RESTING, State.PASSIVE}
+MIDDLES_MM = {"simulated": VIEW_MIDDLE_MM, "contactless": 62.0}
+"""x of the mirror point in the middle of a rig's view."""
 LIGHTS: dict[str, dict[str, Any]] = {
     "lcd": {},
     "mains": {"light.mains": 1.0},
@@ -117,9 +119,12 @@ def within_percent(light: str) -> float:
     return PRINTED_PERCENT if light == "printed" else WITHIN_PERCENT
 
 
-def tour(fault: Fault, moving: bool, frames_after: int = FRAMES_AFTER, light: str = "lcd") -> Outcome:
-    """Run one fault under a light; the run goes on for so many frames after it."""
-    rig = (coarser(load_rig("printed"), 2) if light == "printed" else small_rig()).replace(LIGHTS[light])
+def tour(
+    fault: Fault, moving: bool, frames_after: int = FRAMES_AFTER, light: str = "lcd", name: str = "simulated"
+) -> Outcome:
+    """Run one fault under a light, on a rig by name; the run goes on for so many frames after it."""
+    rig = coarser(load_rig("printed"), 2) if light == "printed" else coarser(load_rig(name), 4)
+    rig = rig.replace(LIGHTS[light])
     simulation = rig.simulation
     fault_s = (simulation.camera_phase + FAULT_FRAME) / rig.camera.rate_hz
     jump_s = fault_s + fault.changes_after / rig.camera.rate_hz
@@ -134,7 +139,7 @@ def tour(fault: Fault, moving: bool, frames_after: int = FRAMES_AFTER, light: st
     any_errors: list[float] = []
     good_since: int | None = None
     count = 0
-    with pressed(rig, path) as ready, opened(ready) as bench:
+    with pressed(rig, path, at_mm=(MIDDLES_MM[name], 0.0)) as ready, opened(ready) as bench:
         reader = SurfaceReader(ready, bench.optics, bench.loop.grid)
         for step in bench.loop.run(frames=FAULT_FRAME + frames_after):
             after = (step.frame_number is None or step.frame_number >= FAULT_FRAME) and step.number > F // 2
@@ -181,9 +186,12 @@ def _largest(errors: list[float]) -> float:
 
 
 def measure(
-    faults: tuple[Fault, ...], scenarios: tuple[bool, ...] = (False, True), light: str = "lcd"
+    faults: tuple[Fault, ...],
+    scenarios: tuple[bool, ...] = (False, True),
+    light: str = "lcd",
+    name: str = "simulated",
 ) -> Report:
-    """Tour these faults under a light; scenarios: press held, press jumping meanwhile."""
+    """Tour these faults under a light, on a rig by name; scenarios: press held, press jumping meanwhile."""
     if light == "printed":
         faults = tuple(fault for fault in faults if fault.event is not Event.DISPLAY_LOST)
     within = within_percent(light)
@@ -193,7 +201,7 @@ def measure(
             for moving in scenarios:
                 if moving and not fault.recovers:
                     continue
-                outcomes.append(tour(fault, moving, light=light))
+                outcomes.append(tour(fault, moving, light=light, name=name))
                 bar()
     header = ["fault", "press", "named", "ends", "wrong, good", "wrong, any", "states after it", "events"]
     rows = [
@@ -228,9 +236,12 @@ def measure(
     "fault_tour",
     __doc__,
     click.option("--light", type=click.Choice(list(LIGHTS)), default="lcd", help="What else shines."),
+    click.option(
+        "--rig", "name", type=click.Choice(list(MIDDLES_MM)), default="simulated", help="The bench."
+    ),
 )
-def command(quick: bool, light: str) -> Report:
-    return measure(FAULTS, (True,) if quick else (False, True), light)
+def command(quick: bool, light: str, name: str) -> Report:
+    return measure(FAULTS, (True,) if quick else (False, True), light, name)
 
 
 if __name__ == "__main__":

@@ -83,28 +83,6 @@ bool camera_ray(vec2 pixel, out vec3 from, out vec3 direction) {
 #endif
 }
 
-// Through the camera layers into the rubber; index x tangential direction is the same in every slab.
-bool enter_rubber(inout vec3 at, inout vec3 direction) {
-    float inward = -dot(direction, camera_face.normal);
-    if (inward <= 0.0) {
-        return false;
-    }
-    vec3 tangent = direction + inward * camera_face.normal;
-    float t2 = dot(tangent, tangent);
-    at -= camera_stack * camera_face.normal;
-#if CAMERA_LAYERS > 0
-    for (int i = 0; i < CAMERA_LAYERS; ++i) {
-        float n2 = camera_layers[i].x * camera_layers[i].x - t2;
-        if (n2 <= 0.0) {
-            return false;
-        }
-        at += tangent * (camera_layers[i].y * inversesqrt(n2));
-    }
-#endif
-    direction = (tangent - camera_face.normal * sqrt(rubber_index * rubber_index - t2)) / rubber_index;
-    return on_face(camera_face, at);
-}
-
 // Power reflectance of the mirror for the LCD's polarisation; `travel` leaves it towards the LCD.
 float reflectance(float cosine, vec3 travel, vec3 normal) {
     float n = rubber_index, transmitted2 = 1.0 - n * n * (1.0 - cosine) * (1.0 + cosine);
@@ -142,6 +120,31 @@ bool reflect_off_mirror(inout vec3 at, inout vec3 direction, inout float light) 
     direction -= 2.0 * cosine * normal;
     light *= touch(at.xy) * touched(at.xy, per_gap(cosine)).x * reflectance(cosine, direction, normal);
     return cosine > 0.0;
+}
+
+#if TEETH
+#include "bench_saw.glsl"
+#else
+// Through the camera layers into the rubber; index x tangential direction is the same in every slab.
+bool enter_rubber(inout vec3 at, inout vec3 direction) {
+    float inward = -dot(direction, camera_face.normal);
+    if (inward <= 0.0) {
+        return false;
+    }
+    vec3 tangent = direction + inward * camera_face.normal;
+    float t2 = dot(tangent, tangent);
+    at -= camera_stack * camera_face.normal;
+#if CAMERA_LAYERS > 0
+    for (int i = 0; i < CAMERA_LAYERS; ++i) {
+        float n2 = camera_layers[i].x * camera_layers[i].x - t2;
+        if (n2 <= 0.0) {
+            return false;
+        }
+        at += tangent * (camera_layers[i].y * inversesqrt(n2));
+    }
+#endif
+    direction = (tangent - camera_face.normal * sqrt(rubber_index * rubber_index - t2)) / rubber_index;
+    return on_face(camera_face, at);
 }
 
 bool go_to_face(Face face, inout vec3 at, vec3 direction) {
@@ -201,6 +204,7 @@ bool trace(vec2 pixel, out vec2 q, out float light) {
 #endif
     return leave_to_lcd(at, direction, q);
 }
+#endif
 
 #if SCATTERED
 float scattered(vec2 pixel) {

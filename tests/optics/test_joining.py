@@ -37,7 +37,7 @@ def test_slopes_are_those_of_the_model(layers):
     way = np.broadcast_to(np.array([0.3, -0.2, -1.0]), point.shape)
     rays = [np.ascontiguousarray(one.T) for one in (incoming, point, q, way)]
     slope, rate = np.zeros((2, count)), np.zeros((2, count))
-    optics.joining.add_slope(*rays, slope, rate)
+    optics.joinings[0].add_slope(*rays, slope, rate)
     assert np.isnan(expected).any()
     assert np.isfinite(expected).any()
     np.testing.assert_array_equal(np.isnan(slope.T), np.isnan(expected))
@@ -45,8 +45,8 @@ def test_slopes_are_those_of_the_model(layers):
     np.testing.assert_allclose(slope.T, expected, rtol=1e-9, atol=1e-13)
     ahead, back = (np.zeros((2, count)) for _ in range(2))
     step_mm = 1e-5
-    optics.joining.add_slope(rays[0], rays[1] + step_mm * rays[3], *rays[2:], ahead, np.zeros((2, count)))
-    optics.joining.add_slope(rays[0], rays[1] - step_mm * rays[3], *rays[2:], back, np.zeros((2, count)))
+    optics.joinings[0].add_slope(rays[0], rays[1] + step_mm * rays[3], *rays[2:], ahead, np.zeros((2, count)))
+    optics.joinings[0].add_slope(rays[0], rays[1] - step_mm * rays[3], *rays[2:], back, np.zeros((2, count)))
     # the difference loses 1e-16 / step_mm to rounding, and step_mm^2 to the third order
     smooth = np.abs(slope).max(axis=0) < 1.0
     assert np.count_nonzero(smooth) > 100

@@ -5,7 +5,8 @@ import pytest
 
 from zeromethod.errors import InputError
 from zeromethod.kept_arrays import cache_folder
-from zeromethod.rig.tables import FaceSupports, Prism, Rubber
+from zeromethod.rig.prism_tables import Prism
+from zeromethod.rig.tables import FaceSupports, Rubber
 from zeromethod.rubber import prism as module
 from zeromethod.rubber.correction import mirror_response
 from zeromethod.rubber.prism import HeldPrism, prism_kernel

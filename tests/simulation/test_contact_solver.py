@@ -5,7 +5,8 @@ import pytest
 
 from zeromethod import InputError
 from zeromethod.optics import Cylinder
-from zeromethod.rig.tables import RestSurface, Rubber
+from zeromethod.rig.prism_tables import RestSurface
+from zeromethod.rig.tables import Rubber
 from zeromethod.simulation.contact.adhesion import BallContact
 from zeromethod.simulation.contact.bow import bow_of, on_rest
 from zeromethod.simulation.contact.compliance import Compliance, Spread, layer_factor

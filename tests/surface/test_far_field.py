@@ -45,11 +45,21 @@ def long_field(peak_mm, at, along_mm, across_mm, angle):
     return depth, np.stack([c * by_along - s * by_across, s * by_along + c * by_across], axis=-1)
 
 
-def fitted(depth, slope, constant, gradient=H_GRADIENT, noise=NOISE, seed=0, bound=BOUND_MM, body=None):
+def fitted(
+    depth,
+    slope,
+    constant,
+    gradient=H_GRADIENT,
+    noise=NOISE,
+    seed=0,
+    bound=BOUND_MM,
+    body=None,
+    seen=EVERYWHERE,
+):
     generator = np.random.default_rng(seed)
     read = slope + constant * gradient + noise * generator.standard_normal(slope.shape)
     variance = np.full(slope.shape, noise**2)
-    about = (read, variance, depth + constant * H, H, H_GRADIENT, X, Y, EVERYWHERE)
+    about = (read, variance, depth + constant * H, H, H_GRADIENT, X, Y, seen)
     return fit_far_field(*about, BORDER / BORDER.sum(), bound, HIDDEN_MM, body)
 
 
@@ -121,6 +131,40 @@ def test_dents_that_decay_by_laws_of_their_own_are_read_as_such(dents):
     assert abs(found.constant_mm + 4e-3) < 3 * found.sigma_mm
     # a fiftieth of what dents of one law leave open, which fit neither
     assert found.sigma_mm < 0.02 * BOUND_MM
+
+
+def under_a_ball(radius_mm, peak_mm, at):
+    """Depth and slope of Hertz's pressure (K. L. Johnson, Contact Mechanics, section 4.2)."""
+    dx, dy = X - at[0], Y - at[1]
+    way = np.maximum(np.hypot(dx, dy) / radius_mm, 1e-9)
+    angle, root = np.arcsin(1.0 / np.maximum(way, 1.0)), np.sqrt(np.maximum(way**2 - 1.0, 0.0))
+    shape = np.where(way < 1.0, 1.0 - 0.5 * way**2, ((2.0 - way**2) * angle + root) / np.pi)
+    falls = np.where(way < 1.0, -way, 2.0 * (root / way - way * angle) / np.pi) / (way * radius_mm**2)
+    return peak_mm * shape, peak_mm * np.stack([falls * dx, falls * dy], axis=-1)
+
+
+@pytest.mark.parametrize("beside_mm", [0.0, 5e-3])
+def test_a_weak_ball_leaves_what_it_has_at_the_border_beside_a_deeper_dent_of_another_law(beside_mm):
+    depth, slope = under_a_ball(4.9, 2e-3, (27.0, -8.0))
+    other = field(0.0, 0.17, beside_mm, (52.0, 7.0))
+    constant = 1e-4
+    found = [fitted(depth + other[0], slope + other[1], constant, noise=1e-5, seed=seed) for seed in range(3)]
+    z = [(one.constant_mm - constant) / one.sigma_mm for one in found]
+    assert np.abs(z).max() < 3.0
+    # less than what the ball has there: a law that fits its core, and falls faster, leaves none of it
+    border_mm = float((depth[BORDER] / H[BORDER]).mean())
+    assert max(one.sigma_mm for one in found) < border_mm
+
+
+def test_a_ball_is_known_by_what_is_seen_around_its_dark_contact():
+    at, radius_mm = (42.1, 0.1), 3.9
+    depth, slope = under_a_ball(radius_mm, 0.1, at)
+    seen = np.hypot(X - at[0], Y - at[1]) > radius_mm
+    found = fitted(depth, slope, -4e-3, noise=1e-5, seen=seen)
+    assert abs(found.constant_mm + 4e-3) < 3 * found.sigma_mm
+    # dents of other laws are much like it around its contact, and differ by a percent and more there
+    border_mm = float((depth[BORDER] / H[BORDER]).mean())
+    assert found.sigma_mm < 5e-3 * border_mm
 
 
 @pytest.mark.parametrize(

@@ -32,6 +32,7 @@ class Spot:
     lever_mm: from the mirror down to where the lens seems to be. slant2: square of the rays' slope, mean of
     both. cut: only a part of it is in view: height and y are right, x and size are not. doubt_mm: by how much
     the views disagree about its size, as one does that misses a part as light as the background.
+    reach_mm: half its extent across the views.
     """
 
     place: Float
@@ -42,6 +43,7 @@ class Spot:
     slant2: float
     cut: bool
     doubt_mm: float
+    reach_mm: float
 
 
 def spot_of(exits: tuple[Exits, Exits], pair: tuple[Silhouette, Silhouette]) -> Spot | None:
@@ -70,6 +72,8 @@ def spot_of(exits: tuple[Exits, Exits], pair: tuple[Silhouette, Silhouette]) -> 
     cut = pair[0].cut or pair[1].cut
     if cut or most > LONG**2 * least:
         radius, round_, weight = float(np.sqrt(3.0 * max(least, 0.0))), np.nan, 0.0
+        aside = between / np.hypot(*between)
+        reach = max(float(np.sqrt(3.0 * max(float(aside @ shape @ aside), 0.0))), radius)
     else:
         rounds, weights = zip(*(one.roundness() for one in (left, right)), strict=True)
         weight = sum(weights)
@@ -77,7 +81,8 @@ def spot_of(exits: tuple[Exits, Exits], pair: tuple[Silhouette, Silhouette]) -> 
         area = 0.5 * (left.area_mm2 + right.area_mm2)
         radius = float(np.sqrt(area / np.pi / np.sqrt(1.0 + min(max(round_, 0.0), 1.0) * slant2)))
         weight *= radius**2
-    return Spot(place, radius, round_, weight, lever, slant2, cut, doubt)
+        reach = radius
+    return Spot(place, radius, round_, weight, lever, slant2, cut, doubt, reach)
 
 
 def _common(exits: tuple[Exits, Exits], z: float) -> tuple[Float, float, float]:

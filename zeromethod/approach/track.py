@@ -17,6 +17,8 @@ STRAIGHT = 3.0
 """Scatter about it over the least sigma, up to which it fits."""
 LEAST_SPOTS = 3
 """Spots in a row from which a velocity is believed."""
+LEAST_CUT = 5
+"""The same of what was not yet seen whole, as shadows at the border are not."""
 SIGNIFICANT = 4.0
 """Speeds over their sigma from which something comes."""
 SOON_S = 2.5
@@ -73,6 +75,7 @@ class Track:
         if not spot.cut or self._cut:
             self._radii.append(spot.radius_mm)
             self._long = not np.isfinite(spot.round_)
+            self._reach_mm = spot.reach_mm
         else:
             # what was seen whole is only partly in view now: its height is, its middle is not
             place = np.array([*self._expected(now_ns), place[2]])
@@ -124,14 +127,16 @@ class Track:
 
     def approach(self) -> Approach:
         """What is known of it."""
-        if len(self._seen) < LEAST_SPOTS:
+        if len(self._seen) < (LEAST_CUT if self._cut else LEAST_SPOTS):
             return Approach(watching=Watching.SEEN, time_ns=self.time_ns)
         place, velocity, sigma_place, sigma_velocity, scatter_mm = self._fitted()
         radius, (round_, sigma_round) = float(np.median(self._radii)), self._roundness()
-        # a ball's silhouette is that of the cone around it: nearer than its middle, and smaller than it
+        # a ball's silhouette is that of the cone around it: nearer than its middle, and smaller than it; a
+        # rod's is nearer by as much more as it is longer across the views
         away = max(float(place[2]), 0.0) + self._lever_mm
         narrow = (radius / away) ** 2 / (1.0 + self._slant2)
-        below = radius / np.sqrt(1.0 - narrow) - away * narrow / (1.0 - narrow)
+        nearer = away * narrow / (1.0 - narrow) * (self._reach_mm / radius if self._long else 1.0)
+        below = radius / np.sqrt(1.0 - narrow) - nearer
         radius /= np.sqrt(1.0 - round_ * narrow)
         height, speed, sigma_speed = place[2] - round_ * below, -velocity[2], sigma_velocity[2]
         sigma_height = float(np.hypot(sigma_place[2], sigma_round * below))

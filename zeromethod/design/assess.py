@@ -48,8 +48,8 @@ def assess_rig(
     Returns
     -------
     dict
-        "tir", "regions", "presses", "resolution", "noise", "carrier", "delay", "view", "motion",
-        "warnings" and "vary".
+        "tir", "regions", "presses", "resolution", "noise", "carrier", "delay", "view", "seams" (of a
+        saw, else None), "motion", "warnings" and "vary".
 
     Raises
     ------

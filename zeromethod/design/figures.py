@@ -23,6 +23,7 @@ from zeromethod.design.noise_floor import noise_floor, slope_sigma_urad
 from zeromethod.design.press_limits import PressKind, press_limit
 from zeromethod.design.resolution import footprint_mm, resolution
 from zeromethod.design.sampled_view import SampledView, median_over
+from zeromethod.design.seams import seam_figures
 from zeromethod.design.tir import (
     SLOPES_MRAD,
     critical_deg,
@@ -66,6 +67,7 @@ def design_figures(
             "computing_s": computing_s,
         },
         "view": field_of_view(view),
+        "seams": seam_figures(view),
         "motion": motion_figures(view),
     }
 

@@ -9,6 +9,8 @@ import numpy as np
 from zeromethod.arrays import Float
 from zeromethod.optics import Lost, Optics
 from zeromethod.optics.layers import through_slabs
+from zeromethod.optics.prism import Face
+from zeromethod.optics.saw_rays import face_left_by
 from zeromethod.optics.vectors import dot
 
 
@@ -38,7 +40,8 @@ def _path(optics: Optics, u: float, v: float) -> RayPath:
         points.append(mirror)
         if np.isfinite(trace.q[0]).all():
             outgoing = optics.reflected(entry[None], inside[None], optics.rest)[1][0]
-            points += [*_to_display(optics, mirror, outgoing), optics.lcd_to_world(trace.q)[0]]
+            face = face_left_by(optics, mirror, outgoing)
+            points += [*_to_display(optics, face, mirror, outgoing), optics.lcd_to_world(trace.q)[0]]
     return RayPath(np.array(points), Lost(int(trace.lost[0])))
 
 
@@ -52,9 +55,9 @@ def _through_camera_layers(optics: Optics, entry: Float, air: Float) -> list[Flo
     return [outermost + through_slabs(air, -face.normal, 1.0, *stack)[0] for stack in stacks]
 
 
-def _to_display(optics: Optics, mirror: Float, outgoing: Float) -> list[Float]:
+def _to_display(optics: Optics, face: Face, mirror: Float, outgoing: Float) -> list[Float]:
     """Points on the pattern face and between its layers, in the order met."""
-    face, rig = optics.prism.pattern_face, optics.rig
+    rig = optics.rig
     leaves = mirror + float(face.depth_below(mirror)) / float(dot(outgoing, face.normal)) * outgoing
     slabs = [(slab.index, slab.thickness_mm) for slab in rig.pattern_layers]
     stacks = [(slabs[:count], slabs[count][0]) for count in range(1, len(slabs))]

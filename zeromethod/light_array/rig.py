@@ -12,18 +12,9 @@ from pydantic import Field, ValidationError, model_validator
 from zeromethod.errors import InputError
 from zeromethod.resources import resource
 from zeromethod.rig.load import LIGHT_ARRAYS, read_text, rig_path
+from zeromethod.rig.prism_tables import Prism
 from zeromethod.rig.refusal import first_refusal, refused
-from zeromethod.rig.tables import (
-    Count,
-    NotNegative,
-    Positive,
-    Prism,
-    Rate,
-    Share,
-    Table,
-    Text,
-    Vector2,
-)
+from zeromethod.rig.tables import Count, NotNegative, Positive, Rate, Share, Table, Text, Vector2
 
 SIDE = 16
 """LEDs and detectors along each side of their arrays."""

@@ -11,7 +11,7 @@ import numpy as np
 from zeromethod.arrays import Float
 from zeromethod.light_array.devices import FULL_SCALE, Counts, Readings
 from zeromethod.light_array.rig import SIDE, LightArrayRig
-from zeromethod.rig.tables import Prism
+from zeromethod.rig.prism_tables import Prism
 from zeromethod.simulation.press import Mirror
 from zeromethod.simulation.scenario import Scenario, load_scenario
 

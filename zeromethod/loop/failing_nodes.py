@@ -40,6 +40,9 @@ LIT_SHARE = 0.3
 REACH_NODES = 3
 """Nodes around that join failing ones to a patch."""
 
+SEAM_NODES = 6
+"""Nodes next to a saw's seam that it may take where the mirror slopes."""
+
 GROWS_SHARE = 0.1
 """Share of the nodes that failed for the first time since the mirror is at rest from which more will."""
 
@@ -64,7 +67,9 @@ class FailingNodes:
         self._light: Single | None = None
         self._left: Bytes = np.zeros(rest.q.shape[:2], np.uint8)
         self._flat: Bytes = np.zeros(rest.q.shape[:2], np.uint8)
-        self._never: Mask = np.zeros_like(rest.visible)
+        # what a slope makes dark at a seam, no coded picture reads
+        self._seams: Mask = grown(rest.flags & np.uint16(Flag.SEAM) != 0, SEAM_NODES)
+        self._never: Mask = self._seams.copy()
         self._before: Mask = np.zeros_like(rest.visible)
         self._remembers = False
 
@@ -77,6 +82,7 @@ class FailingNodes:
         """Take the light at rest from a residual; nodes that fail even then, or at its edge, never count."""
         self._light = residual.mean.copy()
         self._never = (residual.flags != 0) | grown(residual.flags & _LIGHT_LOST != 0, EDGE_NODES)
+        self._never |= self._seams
         self._flat[:] = 0
 
     def forget(self) -> None:

@@ -45,12 +45,14 @@ class LightHold:
         self._near: Bytes = np.zeros(shape, np.uint8)
         self._dark_for: Bytes = np.zeros(shape, np.uint8)
         self._dark = False
+        self._sigma_px: Float = np.empty((*shape, 2))
         self._edge_px = np.array([0.0, *EDGE_RAD]) * period_px / (2 * math.pi)
 
     def flag(self, flags: Flags, sigma_px: Float) -> Float:
         """Add BESIDE_DARK to the flags (rows, cols) of nodes that flicker.
 
-        Result: sigma_px (rows, cols, 2) with the error by an edge of the light added; the same where none is.
+        Result: sigma_px (rows, cols, 2) with the error by an edge of the light added, to be used before the
+        next call; the same where none is.
         """
         self._dark = _near_dark(flags, self._near)
         if not self._dark:
@@ -58,13 +60,25 @@ class LightHold:
                 _flag(self._left, flags)
             return sigma_px
         _flag(self._left, flags)
-        out = np.empty_like(sigma_px)
-        _with_edge(sigma_px, self._near, self._edge_px, out)
-        return out
+        _with_edge(sigma_px, self._near, self._edge_px, self._sigma_px)
+        return self._sigma_px
 
     def learn(self, flags: Flags) -> None:
         """Take in the flags (rows, cols) of the frame that `flag` saw last, with all that was added since."""
         _learn(self._left, self._back, self._dark_for, flags, self._near)
+
+
+@numba.njit(cache=True)
+def _is_within(flags: Flags, j: int, i: int) -> bool:
+    """Whether all nodes next to a dark one are dark: what it is near to, one of them is nearer to."""
+    lost, both = np.uint16(_LIGHT_LOST), np.uint16(_LIGHT_LOST | _NEVER)
+    if not (0 < j < flags.shape[0] - 1 and 0 < i < flags.shape[1] - 1):
+        return False
+    for b in range(j - 1, j + 2):
+        for a in range(i - 1, i + 2):
+            if flags[b, a] & both != lost:
+                return False
+    return True
 
 
 @numba.njit(cache=True)
@@ -83,6 +97,9 @@ def _near_dark(flags: Flags, near: Bytes) -> bool:
         found = True
         for i in range(cols):
             if flags[j, i] & both == lost:
+                if _is_within(flags, j, i):
+                    near[j, i] = 1
+                    continue
                 for b in range(max(j - REACH_NODES, 0), min(j + REACH_NODES + 1, rows)):
                     for a in range(max(i - REACH_NODES, 0), min(i + REACH_NODES + 1, cols)):
                         away = max(abs(b - j), abs(a - i)) + 1

@@ -18,6 +18,7 @@ import numpy as np
 from zeromethod.arrays import Flags, Float, Mask
 from zeromethod.exposure.pairing import Observation
 from zeromethod.exposure.unmixing import at_full_contrast, unmix
+from zeromethod.loop.across_seams import bridged
 from zeromethod.loop.light_hold import LightHold
 from zeromethod.loop.panel_blur import PanelBlur
 from zeromethod.sensing.residual import Residual
@@ -36,6 +37,7 @@ TRUSTED_SHARE = 0.5
 
 _MIXED = np.uint16(Flag.MIXED)
 _AMBIGUOUS = np.uint16(Flag.AMBIGUOUS)
+_SEAM = np.uint16(Flag.SEAM)
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,14 +203,19 @@ def measure_warp(
     _blank(q, flags)
     size, spacing_px = rest.display_size, grid.spacing_px
     flags |= warp_flags(q, rest.q, grid.period_px, size, spacing_px=spacing_px, rest_areas=rest.areas)
+    flags[rest.flags & _SEAM != 0] = _SEAM
     if observation.mixture is not None:
         flags[observation.mixture.mixed] |= _MIXED
     sigma_px = residual.sigma if hold is None else hold.flag(flags, residual.sigma)
+    valid, over_seams = flags == 0, bridged(q, flags, rest)
+    if over_seams is not None:  # a seam that a slope opened is no contact
+        flags[over_seams] = _SEAM
+        valid |= over_seams
     if (rest.visible & (flags != 0)).any():
         sudden = _change(residual.d, known.residual_px, flags) > SUDDEN_PERIODS * grid.period_px
-        doubt = order_in_doubt(flags == 0, np.zeros_like(known.trusted) if sudden else known.trusted)
+        doubt = order_in_doubt(valid, np.zeros_like(known.trusted) if sudden else known.trusted)
         if doubt is not None:
-            flags[doubt] |= _AMBIGUOUS
+            flags[doubt & (flags & _SEAM == 0)] |= _AMBIGUOUS
     sigma = np.empty_like(q)
     _propagate(shown.q, sigma_px, 1 / grid.spacing_px, sigma)
     return Warp(q, sigma, flags, shown.time_ns)

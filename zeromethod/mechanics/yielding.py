@@ -73,8 +73,7 @@ class Yielding:
         if "support" not in rubber.model_fields_set:
             # of a half-space, off by as much as one that is bonded as deep as this prism is
             deep = PrismGeometry(rig.prism)
-            half = deep.length_mm / 2 * min(np.tan(deep.pattern_angle_rad), np.tan(deep.camera_angle_rad))
-            return cls(modulus, relative, other=Layer(float(half), nu, True))
+            return cls(modulus, relative, other=Layer(deep.thickness_mm, nu, True))
         if rubber.thickness_mm is None:
             return cls(modulus, relative, body=body_of(rig))
         layer = Layer(rubber.thickness_mm, nu, rubber.support == "bonded")

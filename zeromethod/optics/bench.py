@@ -12,7 +12,8 @@ from zeromethod.optics.layers import direction_between, through_slabs
 from zeromethod.optics.lever import lcd_per_slope
 from zeromethod.optics.mirror import HeightField, distance_to, normal_of, rest_surface
 from zeromethod.optics.panel import Panel
-from zeromethod.optics.prism import PrismGeometry
+from zeromethod.optics.prism import Face, PrismGeometry
+from zeromethod.optics.teeth import Saw
 from zeromethod.optics.trace import Lost, Trace
 from zeromethod.optics.vectors import dot, reflect, unit
 from zeromethod.rig.model import Rig, check_rig
@@ -48,6 +49,7 @@ class Optics:
         check_rig("Optics", rig)
         self.rig = rig
         self.prism = PrismGeometry(rig.prism)
+        self.saw = None if rig.prism.teeth is None else Saw(rig.prism)
         self.camera = Camera.place(rig.camera)
         self.rest: HeightField = rest_surface(rig)
         layers = rig.pattern_layers
@@ -56,7 +58,8 @@ class Optics:
         self._inner_slabs = [(s.index, s.thickness_mm) for s in layers[:-1]]
         self._last_index = layers[-1].index if layers else rig.prism.index
         slabs = [(rig.prism.index, 0.0), *self._inner_slabs]
-        self.joining = Joining.of(self.panel, self.prism.pattern_face, slabs, self._last_index)
+        faces = [self.prism.pattern_face] if self.saw is None else self.saw.pattern
+        self.joinings = [Joining.of(self.panel, face, slabs, self._last_index) for face in faces]
 
     @property
     def length_mm(self) -> float:
@@ -110,6 +113,8 @@ class Optics:
             Points, mm, and unit vectors along the travel.
         """
         origin, direction = self.camera.rays(u, v)
+        if self.saw is not None:
+            return self.saw.enter(origin, direction, self.rig.prism.index)[:2]
         face = self.prism.camera_face
         slabs = [(s.index, s.thickness_mm) for s in reversed(self.rig.camera_layers)]
         outside = -face.depth_below(origin) - sum(t for _, t in slabs)
@@ -153,12 +158,13 @@ class Optics:
             LCD positions, mirror points, incidence, reflectance, paths, and why rays are lost.
         """
         point, outgoing, cos_incidence, reflectance = self.reflected(origin, direction, mirror)
-        q, path, on_mirror, on_face = self._by_prism(point, outgoing)
+        q, path, on_mirror, on_face, free = self._by_prism(origin, point, outgoing)
         lost = np.select(
             [np.isnan(direction[..., 0]), ~on_mirror, ~on_face, np.isnan(path), ~self.panel.contains(q)],
             _REASONS,
             np.where(reflectance < 1.0, np.uint8(Lost.BELOW_TIR), np.uint8(Lost.NONE)),
         )
+        lost = np.where(free | ((lost != Lost.NONE) & (lost != Lost.BELOW_TIR)), lost, np.uint8(Lost.SEAM))
         return Trace(q, point, cos_incidence, reflectance, path, lost)
 
     def reflected(
@@ -215,7 +221,7 @@ class Optics:
         """
         origin, direction = self.rubber_rays(u, v)
         point, normal = self._met(origin, direction, self.rest)
-        return self._by_prism(point, reflect(direction, normal))[0]
+        return self._by_prism(origin, point, reflect(direction, normal))[0]
 
     def rubber_direction_to_lcd(self, point: Float, q: Float) -> Float:
         """Direction (..., 3), in the rubber, of the ray from a mirror point to an LCD position.
@@ -281,14 +287,7 @@ class Optics:
         (..., 2, 2) array
             LCD px per rad.
         """
-        origin, direction = self.rubber_rays(u, v)
-        point = origin + distance_to(self.rest, origin, direction)[..., None] * direction
-        with np.errstate(invalid="ignore", divide="ignore"):
-            gradient = self.rest.gradient(point[..., 0], point[..., 1])
-            slabs = [(self.rig.prism.index, 0.0), *self._inner_slabs]
-            return lcd_per_slope(
-                point, direction, gradient, self.prism.pattern_face, self.panel, slabs, self._last_index
-            )
+        return sensitivity_of_rays(self, *self.rubber_rays(u, v))
 
     def _met(self, origin: Float, direction: Float, mirror: HeightField) -> tuple[Float, Float]:
         """Where rays in the rubber meet a mirror that goes on beyond its borders: point mm, unit normal."""
@@ -296,21 +295,36 @@ class Optics:
         with np.errstate(invalid="ignore"):
             return point, normal_of(mirror.gradient(point[..., 0], point[..., 1]))
 
-    def _by_prism(self, point: Float, outgoing: Float) -> tuple[Float, Float, Mask, Mask]:
-        """LCD position (..., 2) and path in mm (...), NaN off the mirror or the face; which are on each."""
+    def _left_by(self, point: Float, outgoing: Float) -> tuple[Face, Mask]:
+        """The face by which rays from the mirror leave, and whether they meet it (of a saw, or all but)."""
+        if self.saw is None:
+            return self.prism.pattern_face, np.ones(point.shape[:-1], bool)
+        return self.saw.exit_face(point, outgoing)
+
+    def _by_prism(
+        self, origin: Float, point: Float, outgoing: Float
+    ) -> tuple[Float, Float, Mask, Mask, Mask]:
+        """LCD position (..., 2) and path in mm (...), NaN off the mirror or the face; which are on each.
+
+        And whether no tooth of a saw is in the way.
+        """
         on_mirror = self.prism.on_mirror(point[..., 0], point[..., 1])
-        q, path, exit_point = self._to_display(point, outgoing)
-        on_face = self.prism.pattern_face.contains(exit_point)
+        face, near = self._left_by(point, outgoing)
+        q, path, exit_point = self._to_display(face, point, outgoing)
+        on_face, free = face.contains(exit_point), np.ones(path.shape, bool)
+        if self.saw is not None:
+            free = on_face & self.saw.clear(origin, point, exit_point, self.panel.lcd_to_world(q))
+            on_face = near & np.isfinite(exit_point[..., 0])
         q[~(on_mirror & on_face)] = np.nan
         path[~(on_mirror & on_face)] = np.nan
-        return q, path, on_mirror, on_face
+        return q, path, on_mirror, on_face, free
 
-    def _to_display(self, point: Float, outgoing: Float) -> tuple[Float, Float, Float]:
-        """LCD position (..., 2), path in mm (...) and exit point (..., 3) on the pattern face's plane.
+    def _to_display(self, face: Face, point: Float, outgoing: Float) -> tuple[Float, Float, Float]:
+        """LCD position (..., 2), path in mm (...) and exit point (..., 3) on a face's plane.
 
         q and path are NaN where the panel's plane is not met; the faces' borders are ignored.
         """
-        face, index = self.prism.pattern_face, self.rig.prism.index
+        index = self.rig.prism.index
         with np.errstate(invalid="ignore", divide="ignore"):
             in_rubber = face.depth_below(point) / dot(outgoing, face.normal)
             in_rubber = np.where(in_rubber >= 0.0, in_rubber, np.nan)
@@ -323,3 +337,13 @@ class Optics:
         path = in_rubber + in_slabs + gap
         q[gap < -TOUCHES_MM] = np.nan
         return q, path, leaves
+
+
+def sensitivity_of_rays(optics: Optics, origin: Float, direction: Float) -> Float:
+    """`Optics.sensitivity` (..., 2, 2) of rays in the rubber, (..., 3) each, from `Optics.rubber_rays`."""
+    point = origin + distance_to(optics.rest, origin, direction)[..., None] * direction
+    with np.errstate(invalid="ignore", divide="ignore"):
+        gradient = optics.rest.gradient(point[..., 0], point[..., 1])
+        slabs = [(optics.rig.prism.index, 0.0), *optics._inner_slabs]
+        face = optics._left_by(point, reflect(direction, normal_of(gradient)))[0]
+        return lcd_per_slope(point, direction, gradient, face, optics.panel, slabs, optics._last_index)

@@ -11,6 +11,7 @@ from zeromethod.errors import InputError
 from zeromethod.optics.bench import Optics
 from zeromethod.optics.mirror import GridHeight
 from zeromethod.optics.trace import Lost
+from zeromethod.optics.vectors import dot
 from zeromethod.rig.model import Rig
 
 _SAMPLES = 33
@@ -30,9 +31,10 @@ _CENTRE_LOST = {
 def check_geometry(rig: Rig) -> None:
     """Raise InputError, one line that names the rig's key, where the bench cannot work.
 
-    Refused: a camera inside the prism or behind its camera face, a panel tilted into the slabs in front
-    of it, a view that misses that face or the mirror altogether, a centre ray that does not end on the LCD, a
-    height map smaller than the view. A view that lies partly off the mirror or the LCD is legal.
+    Refused: a camera inside the prism or behind its camera face, an LCD in a camera's view of a saw, a panel
+    tilted into the slabs in front of it, a view that misses that face or the mirror altogether, a centre ray
+    that does not end on the LCD, a height map smaller than the view. A view that lies partly off the mirror
+    or the LCD is legal.
     """
     optics, camera = Optics(rig), rig.camera
     if camera.projection == "perspective":
@@ -42,6 +44,8 @@ def check_geometry(rig: Rig) -> None:
             raise _error(rig, "camera.position_mm", allowed)
 
     _check_gap(rig, optics)
+    if rig.prism.teeth is not None:
+        _check_free_view(rig, optics)
     u, v = np.meshgrid(
         np.linspace(0, camera.columns - 1, _SAMPLES), np.linspace(0, camera.rows - 1, _SAMPLES)
     )
@@ -71,6 +75,17 @@ def _check_gap(rig: Rig, optics: Optics) -> None:
     if room_mm < -_TOUCHING_MM:
         allowed = f"the panel cuts {-room_mm:.3g} mm into the slabs before it; tilt less or widen the gap"
         raise _error(rig, "display.tilt_deg", allowed)
+
+
+def _check_free_view(rig: Rig, optics: Optics) -> None:
+    """InputError for an LCD under a saw that stands between it and the camera."""
+    u, v = np.meshgrid(*(np.linspace(0, n - 1, _SAMPLES) for n in (rig.camera.columns, rig.camera.rows)))
+    origin, direction = optics.camera_rays(u, v)
+    panel = optics.panel
+    way = dot(panel.centre - origin, panel.normal) / dot(direction, panel.normal)
+    if panel.contains(panel.world_to_lcd(origin + way[..., None] * direction))[way > 0.0].any():
+        allowed = "the LCD stands in the camera's view of the teeth; move it towards P0, or the camera off"
+        raise _error(rig, "display.centre_mm", allowed)
 
 
 def _check_map(rig: Rig, optics: Optics, points: Float) -> None:

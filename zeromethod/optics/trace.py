@@ -24,6 +24,7 @@ class Lost(enum.IntEnum):
     NO_REFRACTION = 4  # totally reflected at the pattern face or in its layers
     OFF_DISPLAY = 5  # ends outside the LCD's pixels (q still given, unless its plane is not met)
     BELOW_TIR = 6  # the mirror reflects only partially (q given, reflectance < 1)
+    SEAM = 7  # a face of this tooth or the next is in the way (q given as if it were not)
 
 
 @dataclass(frozen=True, slots=True)

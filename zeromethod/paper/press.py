@@ -47,7 +47,7 @@ class LatticeView:
         column, row = (float(k) for k in optics.camera.project(prism.camera_face.edge))
         return cls(
             period_px=PITCH_MM / camera.pixel_mm,
-            origin_px=(column - prism.pattern_face.length_mm / camera.pixel_mm, row),
+            origin_px=(column - float(prism.pattern_face.length_mm) / camera.pixel_mm, row),
             captured_px=column,
             pixel_mm=camera.pixel_mm,
             angle_rad=prism.pattern_angle_rad,

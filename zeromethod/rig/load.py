@@ -72,7 +72,7 @@ def parse_rig(text: str, path: Path, *, measured: bool = True) -> Rig:
 
 
 def load_rig(name: str | Path, *, measured: bool = True) -> Rig:
-    """Rig from a file, or a packaged one by bare name ("simulated", "paper", "dome", "cylinder", "printed").
+    """Rig from a file, or a packaged one by bare name ("simulated", "paper", "dome", "thin" and more).
 
     Files that it names (`prism.rest.file`, `camera.rest_map`, a `scenario` that ends in .toml) lie
     relative to the rig file.

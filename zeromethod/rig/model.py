@@ -16,17 +16,16 @@ from zeromethod.errors import InputError, check_type
 from zeromethod.rig.device_tables import SIMULATED, CameraSpec, DisplaySpec, Noise, WatchSpec
 from zeromethod.rig.geometry import GeometrySpec
 from zeromethod.rig.keys import plain, set_value, value_at
+from zeromethod.rig.prism_tables import Layer, Prism, RestSurface
 from zeromethod.rig.refusal import RENAMED, first_refusal, refused, shown, unknown_key
 from zeromethod.rig.simulation_tables import Faults, SimulationSpec
 from zeromethod.rig.tables import (
     MARK_HALF_PX,
     ControlSpec,
+    FaceSupports,
     KnownRest,
-    Layer,
     LightSpec,
     PriorSpec,
-    Prism,
-    RestSurface,
     Rubber,
     SurfaceSpec,
     Table,
@@ -99,6 +98,26 @@ class Rig(Table):
         if self.light.by_mirror and not self.control.passive:
             rule = 'only with control.controller "passive": a lamp lights a print, which cannot be warped'
             raise refused("light.source", self.light.source, rule)
+        return self
+
+    @model_validator(mode="after")
+    def _sawn(self) -> Rig:
+        if self.prism.teeth is None:
+            return self
+        if [layer.index for layer in self.pattern_layers] != [1.0]:
+            found = [layer.index for layer in self.pattern_layers]
+            raise refused(
+                "pattern_layers", found, "with prism.teeth one layer of index 1: air under the tips"
+            )
+        if self.camera_layers:
+            raise refused("camera_layers", len(self.camera_layers), "none with prism.teeth")
+        if isinstance(self.rubber.support, FaceSupports):
+            raise refused("rubber.support", {}, "no table with prism.teeth")
+        for key in ("ghost_gap", "ghost_faces"):
+            if share := getattr(self.simulation, key):
+                raise refused(
+                    f"simulation.{key}", share, "0 with prism.teeth: the way of rays has stray light"
+                )
         return self
 
     @model_validator(mode="after")

@@ -17,7 +17,8 @@ from numpy.polynomial import chebyshev
 from zeromethod.arrays import Float
 from zeromethod.kept_arrays import kept_arrays
 from zeromethod.optics.prism import PrismGeometry
-from zeromethod.rig.tables import FaceSupports, Prism
+from zeromethod.rig.prism_tables import Prism
+from zeromethod.rig.tables import FaceSupports
 
 if TYPE_CHECKING:
     from zeromethod.rubber.elasticity import ElasticBody

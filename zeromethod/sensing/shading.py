@@ -141,6 +141,8 @@ def flag_light_edges(
         if not (rows[r - 1] or rows[r] or rows[r + 1]):
             continue
         for c in range(first, end):
+            if flags[r, c] & LIGHT_LOST:
+                continue
             # an edge at the node itself bends its neighbours alone
             around = near[r, c] | near[r - 1, c] | near[r + 1, c] | near[r, c - 1] | near[r, c + 1]
             if around and _is_edge(mean, modulation, d, flags, black, period, r, c):

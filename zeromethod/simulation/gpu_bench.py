@@ -53,15 +53,61 @@ def _faces(prism: Prism) -> tuple[_Face, _Face]:
     alpha, beta = np.radians([prism.pattern_angle_deg, prism.camera_angle_deg])
     half = mirror_length_mm(prism) / 2
 
+    if prism.teeth is not None:
+        tip_mm = prism.teeth.base_mm + _height_mm(2 * half / prism.teeth.count, alpha, beta)
+        along, down = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, -1.0])
+        under = _Face(np.array([-half, 0.0, -tip_mm]), along, down, 2 * half)
+        return under, under
+    return _triangle(0.0, 0.0, half, alpha, beta)
+
+
+def _height_mm(base_mm: float, alpha: float, beta: float) -> float:
+    """Height of a triangle of that base and these angles next to it."""
+    return float(base_mm * np.sin(alpha) * np.sin(beta) / np.sin(alpha + beta))
+
+
+def _triangle(
+    middle_mm: float, below_mm: float, half: float, alpha: float, beta: float
+) -> tuple[_Face, _Face]:
+    """(pattern face, camera face) of a triangle whose base has its middle at x = middle_mm."""
+
     def face(sense: float, angle: float, other: float) -> _Face:
         return _Face(
-            np.array([-sense * half, 0.0, 0.0]),
+            np.array([middle_mm - sense * half, 0.0, -below_mm]),
             np.array([sense * np.cos(angle), 0.0, -np.sin(angle)]),
             np.array([-sense * np.sin(angle), 0.0, -np.cos(angle)]),
             float(2 * half * np.sin(other) / np.sin(angle + other)),
         )
 
     return face(1.0, alpha, beta), face(-1.0, beta, alpha)
+
+
+def _tooth_values(prism: Prism) -> Values:
+    """Faces of all teeth of a saw; none of a prism."""
+    teeth = prism.teeth
+    if teeth is None:
+        return {}
+    none = (0.0,) * teeth.count
+    half = mirror_length_mm(prism) / teeth.count / 2
+    faces = [
+        _triangle(
+            half * (2 * k + 1 - teeth.count), teeth.base_mm + deeper, half,
+            *np.radians([prism.pattern_angle_deg + alpha, prism.camera_angle_deg + beta]),
+        )
+        for k, (deeper, alpha, beta) in enumerate(
+            zip(
+                teeth.base_deviation_mm or none,
+                teeth.pattern_deviation_deg or none,
+                teeth.camera_deviation_deg or none,
+                strict=True,
+            )
+        )
+    ]  # fmt: skip
+    values: Values = {"tooth_lengths": np.array([[face.length for face in both] for both in faces])}
+    for number, name in enumerate(("tooth_pattern", "tooth_camera")):
+        for key in ("edge", "along", "normal"):
+            values[f"{name}_{key}"] = np.array([getattr(both[number], key) for both in faces])
+    return values
 
 
 def _turned(vector: Float, axis: Float, angle_deg: float) -> Float:
@@ -131,6 +177,7 @@ def bench_values(rig: Rig) -> Values:
     return {
         **pattern.values("pattern"),
         **camera_face.values("camera_face"),
+        **_tooth_values(prism),
         "half_mirror": np.array([mirror_length_mm(prism), prism.width_mm]) / 2,
         "rubber_index": prism.index,
         "camera_stack": float(camera_stack),
@@ -146,6 +193,7 @@ def bench_values(rig: Rig) -> Values:
 def bench_defines(rig: Rig) -> dict[str, int]:
     """Preprocessor constants of bench_rays.frag that belong to the rig."""
     return {
+        "TEETH": 0 if rig.prism.teeth is None else rig.prism.teeth.count,
         "CAMERA_LAYERS": len(rig.camera_layers),
         "INNER_LAYERS": max(len(rig.pattern_layers) - 1, 0),
         "ORTHOGRAPHIC": int(rig.camera.projection == "orthographic"),

@@ -32,6 +32,8 @@ KEPT = 3
 """Mirrors whose maps are kept: rest, and the two instants of an exposure while a press moves."""
 NEWTON_STEPS = 12
 """From the plane z = 0 to the mirror; three do for smooth dents."""
+MOST_FACES = 12
+"""Of a saw's teeth and the mirror that a ray may meet after the first; light of more is next to none."""
 _BLOCK = 16
 _SCATTERED = -1
 """Instead of a beam: the light that objects scatter."""
@@ -214,7 +216,10 @@ class RayTracer:
                 **mirror_defines(dents),
             }
             made = program(self._context, "bench_screen.vert", "bench_rays.frag", **defines)
-            self._passes[key] = Pass(self._context, made, {"newton_steps": NEWTON_STEPS})
+            steps = {"newton_steps": NEWTON_STEPS}
+            if self._rig.prism.teeth is not None and way != _SCATTERED:
+                steps["most_faces"] = MOST_FACES
+            self._passes[key] = Pass(self._context, made, steps)
         return self._passes[key]
 
     def _region(self, ray_map: RayMap) -> Region:

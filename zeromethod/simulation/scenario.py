@@ -7,7 +7,8 @@ from pathlib import Path
 
 from zeromethod.resources import resource
 from zeromethod.rig.model import Rig
-from zeromethod.rig.tables import Prism, RestSurface, Rubber
+from zeromethod.rig.prism_tables import Prism, RestSurface
+from zeromethod.rig.tables import Rubber
 from zeromethod.simulation.contact.bow import on_rest
 from zeromethod.simulation.contact.path import ObjectPath
 from zeromethod.simulation.contact.scene import scene_of

@@ -9,9 +9,12 @@ k = 1 falls as 1 / r, as any load on a deep elastic body does (Boussinesq; K. L.
 Cambridge 1985, section 3.2, doi:10.1017/CBO9781139171731), and nothing falls more slowly; k = 0 is a
 Gaussian; between them are other powers of r. Besides, d = A exp(1 - sqrt(1 + z)): a layer on a stiff ground,
 where depth decays exponentially. Where the rig says what holds its rubber's faces, a load's dent, k = 1, has
-any share of what the body adds to it (`zeromethod.mechanics`), counted as k = 1 to 2. Two dents are two
-loads, or one with the bulge that rubber raises around it; they obey one law, as they press one material, or
-each its own, as what presses differs; more are tried while they explain what is left.
+any share of what the body adds to it (`zeromethod.mechanics`), counted as k = 1 to 2. A load as wide as the
+dent itself has the shape that a ball's pressure makes (Johnson, section 4.2): in the view it is much like a
+power of r that falls faster, beyond it falls as 1 / r; around a dark contact it is much like a load's. Two
+dents are two loads, or one with the bulge that rubber raises around it; they obey one law, as they press one
+material, or each its own, as what presses differs: laws of another kind, which no fit leads to, are tried for
+each. More are tried while they explain what is left.
 
 Their numbers are fitted to the slopes, and C with them: at the anchor they must leave what is read there.
 What a law leaves is noise and an error of its own, relative to the slopes, of unknown size, which is fitted
@@ -34,8 +37,9 @@ from numpy.typing import NDArray
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.mechanics.body import BodyKernel
-from zeromethod.surface.far_field_laws import POINT, Body, Known, Nodes, chosen
+from zeromethod.surface.far_field_laws import Body, Known, Nodes, chosen
 from zeromethod.surface.far_field_posterior import posterior
+from zeromethod.surface.far_field_shapes import POINT
 from zeromethod.surface.far_field_starts import FREE_LAW, centre
 from zeromethod.surface.node_passes import diagonal
 

@@ -7,8 +7,6 @@ import numpy as np
 
 from zeromethod.arrays import Float
 from zeromethod.surface.far_field_laws import (
-    LAW,
-    NUMBERS,
     ONE_LAW,
     OWN_LAWS,
     SET_LAWS,
@@ -16,10 +14,10 @@ from zeromethod.surface.far_field_laws import (
     Known,
     Nodes,
     added_by_body,
-    dents_end,
     equations,
     nearest2,
 )
+from zeromethod.surface.far_field_shapes import LAW, NUMBERS, dents_end, ends_of_law
 
 _PIECES, _NOISES = 14.0, 250.0
 """Independent errors of a law over the view, and those of noise."""
@@ -106,7 +104,8 @@ def _expect(
     normal, right = found.normal, found.right
     for k in range(0, dents_end(numbers), NUMBERS):
         law = k + LAW
-        inside = 0.0 < numbers[law] + np.sign(right[law]) * 1e-9 < most_law
+        low, high = ends_of_law(numbers[law], most_law)
+        inside = low < numbers[law] + np.sign(right[law]) * 1e-9 < high
         if _free(k, laws) and (inside or ends > 0.0):
             normal[law, law] += strength / _LAW**2 + (0.0 if inside else ends * right[law] ** 2)
         else:
@@ -142,19 +141,20 @@ def _allowed(numbers: Float, limits: Float) -> bool:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _bound(numbers: Float, laws: int, most_law: float) -> None:
+def _bound(numbers: Float, before: Float, laws: int, most_law: float) -> None:
     """Keep fitted laws between their ends, and one of all the same."""
     for k in range(0, dents_end(numbers), NUMBERS):
         if _free(k, laws):
-            numbers[k + LAW] = min(max(numbers[k + LAW], 0.0), most_law)
+            low, high = ends_of_law(before[k + LAW], most_law)
+            numbers[k + LAW] = min(max(numbers[k + LAW], low), high)
         elif laws == ONE_LAW:
             numbers[k + LAW] = numbers[LAW]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _wrong2(found: Equations, wrong2: float) -> float:
-    """Square of the law's error that explains what is left better than the one before."""
-    better = min(max(wrong2 + found.growth, 0.01 * wrong2), 20.0 * wrong2)
+def _wrong2(growth: float, wrong2: float) -> float:
+    """Square of the law's error that explains what is left better than the one before, `Equations.growth`."""
+    better = min(max(wrong2 + growth, 0.01 * wrong2), 20.0 * wrong2)
     return min(max(better, _LEAST_WRONG2), MOST_WRONG2)
 
 
@@ -180,7 +180,7 @@ def fit(
     own = _expect(numbers, strength, laws, known.body.most_law, found)
     for k in range(passes):
         solved, step = _solve(found.normal, found.right, damping)
-        better = _wrong2(found, wrong2)
+        better = _wrong2(found.growth, wrong2)
         if solved and step @ found.right < _SETTLED and abs(np.log(better / wrong2)) < 0.3:
             break
         if k == SHORT:
@@ -188,7 +188,7 @@ def fit(
             if _unlikely(found, known) > best + _HOPELESS:
                 break
         new = numbers + step
-        _bound(new, laws, known.body.most_law)
+        _bound(new, numbers, laws, known.body.most_law)
         if solved and _allowed(new, limits):
             tried = equations(new, laws, nodes, quiet, known, better, found.variance)
             own_new = _expect(new, strength, laws, known.body.most_law, tried)
@@ -219,14 +219,31 @@ def _settled(
 
     Else a fit that ends before its law's error has followed counts as too unlikely by far.
     """
+    followed2 = _followed(wrong2, found, nodes, known)
+    if followed2 != wrong2:
+        found = equations(numbers, laws, nodes, quiet, known, followed2, found.variance)
+        own = _expect(numbers, strength, laws, known.body.most_law, found)
+    return found, own, followed2
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _followed(wrong2: float, found: Equations, nodes: Nodes, known: Known) -> float:
+    """Square of the law's error that explains best what `found` leaves with wrong2: only variance changes."""
+    better, of_law = _wrong2(found.growth, wrong2), np.empty((2, len(nodes.x)))
+    of_law[0] = (found.variance[0] - nodes.variance_x) / wrong2
+    of_law[1] = (found.variance[1] - nodes.variance_y) / wrong2
     for _ in range(_FOLLOWED):
-        better = _wrong2(found, wrong2)
         if abs(np.log(better / wrong2)) < _SAME_WRONG2:
             break
-        wrong2 = better
-        found = equations(numbers, laws, nodes, quiet, known, wrong2, found.variance)
-        own = _expect(numbers, strength, laws, known.body.most_law, found)
-    return found, own, wrong2
+        wrong2, lacking, expected = better, 0.0, 0.0
+        for i in range(len(known.weight)):
+            for axis, noise2 in ((0, nodes.variance_x[i]), (1, nodes.variance_y[i])):
+                variance = noise2 + wrong2 * of_law[axis, i]
+                share, left = of_law[axis, i] / variance, found.left[axis, i]
+                lacking += known.weight[i] * share * (left * left / variance - 1.0)
+                expected += known.weight[i] * share * share
+        better = _wrong2(lacking / max(expected, 1e-300), wrong2)
+    return wrong2
 
 
 @numba.njit(cache=True, error_model="numpy")

@@ -9,20 +9,20 @@ import numpy as np
 
 from zeromethod.arrays import Float, Ints
 from zeromethod.rounding import REORDERED
-
-NUMBERS, LAW = 7, 6
-"""Of one dent: depth, mm; place x, y, mm; a, b, c, 1/mm, of z = (a X + b Y)^2 + (c Y)^2, X, Y from there; and
-its law."""
+from zeromethod.surface.far_field_shapes import (
+    BALL,
+    FAR_OF_BALL,
+    GAUSSIAN,
+    LAW,
+    NUMBERS,
+    POINT,
+    dents_end,
+    of_ball,
+    share_of_body,
+)
 
 SET_LAWS, ONE_LAW, OWN_LAWS = range(3)
 """Laws of several dents: as they are, one that is fitted, the first one's, or fitted to each."""
-
-LAYER, POINT = -1.0, 1.0
-"""Law of depth exp(1 - sqrt(1 + z)); those from 0 to 1 are depth (1 + law z)^(-1 / (2 law)), the last one a
-load's, and those above add law - 1 of what the body adds to a load, where it is known (`Body`)."""
-
-_GAUSSIAN = 1e-4
-"""Law below which it is its limit exp(-z / 2)."""
 
 _FLAT = 0.1
 """Weight of (depth / distance)^2 against slope^2 in what a law's error is relative to."""
@@ -122,35 +122,40 @@ class Equations(NamedTuple):
 @numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
 def _add(dent: Float, x: Float, y: Float, by: Float, field: Float) -> None:
     """Add one dent's depth and slopes to `field` (3, n); fill in its derivatives `by` (7, 3, n)."""
-    depth, a, b, c, law = dent[0], dent[3], dent[4], dent[5], min(dent[LAW], POINT)
-    layer, k = law < 0.0, law if law > _GAUSSIAN else 0.0
-    # the shape and the derivative of its logarithm by the law, apart from what is vectorised
+    depth, a, b, c, law = dent[0], dent[3], dent[4], dent[5], dent[LAW]
+    k = min(law, POINT) if law > GAUSSIAN else 0.0
+    # the shape, its derivatives by z and that of its logarithm by the law, apart from what is vectorised
     for i in range(len(x)):
         u, v = a * (x[i] - dent[1]) + b * (y[i] - dent[2]), c * (y[i] - dent[2])
         z = u * u + v * v
-        if layer:
-            by[0, 0, i], by[3, 0, i] = np.exp(1.0 - np.sqrt(1.0 + z)), 0.0
-        elif k > 0.0:
-            fall = 0.5 * np.log(1.0 + k * z) / k
-            by[0, 0, i], by[3, 0, i] = np.exp(-fall), (fall - 0.5 * z / (1.0 + k * z)) / k
+        of_law = 0.0
+        if law >= BALL:
+            shape, first, second = of_ball(z)
+        elif law < 0.0:
+            flatter = 1.0 / np.sqrt(1.0 + z)
+            shape = np.exp(1.0 - np.sqrt(1.0 + z))
+            first, second = -0.5 * shape * flatter, 0.25 * shape * flatter * flatter * (1.0 + flatter)
         else:
-            by[0, 0, i], by[3, 0, i] = np.exp(-0.5 * z), 0.25 * z * z
+            flatter = 1.0 / (1.0 + k * z)
+            fall = 0.5 * np.log(1.0 + k * z) / k if k > 0.0 else 0.5 * z
+            of_law = (fall - 0.5 * z * flatter) / k if k > 0.0 else 0.25 * z * z
+            shape = np.exp(-fall)
+            first, second = -0.5 * shape * flatter, 0.25 * shape * flatter * flatter * (1.0 + 2.0 * k)
+        by[0, 0, i], by[3, 0, i], by[4, 0, i], by[5, 0, i] = shape, of_law, first, second
+    own_law = law < BALL and law >= 0.0
     for i in range(len(x)):
         across, down = x[i] - dent[1], y[i] - dent[2]
-        u, v, shape = a * across + b * down, c * down, by[0, 0, i]
-        z = u * u + v * v
-        flatter = 1.0 / np.sqrt(1.0 + z) if layer else 1.0 / (1.0 + k * z)
-        first = -0.5 * shape * flatter
-        second = 0.25 * shape * flatter * flatter * (1.0 + (flatter if layer else 2.0 * k))
+        u, v = a * across + b * down, c * down
+        shape, of_law, first, second = by[0, 0, i], by[3, 0, i], by[4, 0, i], by[5, 0, i]
         z_x, z_y = 2.0 * u * a, 2.0 * (u * b + v * c)
         by[0, 1, i], by[0, 2, i] = first * z_x, first * z_y
         first, second = depth * first, depth * second
         slope_x, slope_y = first * z_x, first * z_y
-        if not layer:
-            of_law = by[3, 0, i]
+        if own_law:
+            z_flatter = (u * u + v * v) / (1.0 + k * (u * u + v * v))
             by[LAW, 0, i] = depth * shape * of_law
-            by[LAW, 1, i] = slope_x * (of_law - z * flatter)
-            by[LAW, 2, i] = slope_y * (of_law - z * flatter)
+            by[LAW, 1, i] = slope_x * (of_law - z_flatter)
+            by[LAW, 2, i] = slope_y * (of_law - z_flatter)
         by[1, 0, i], by[2, 0, i] = -slope_x, -slope_y
         z_a, z_b, z_c = 2.0 * u * across, 2.0 * u * down, 2.0 * v * down
         by[3, 0, i], by[4, 0, i], by[5, 0, i] = first * z_a, first * z_b, first * z_c
@@ -187,7 +192,7 @@ def _waves(at: float, low: float, high: float, count: int) -> Float:
 @numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
 def _add_body(dent: Float, body: Body, products: Float, by: Float, field: Float) -> None:
     """Add what the body adds to a load at the dent's place to `field` (3, n), and to its derivatives `by`."""
-    depth, a, c, share = dent[0], dent[3], dent[5], dent[LAW] - POINT
+    depth, a, c, share = dent[0], dent[3], dent[5], share_of_body(dent[LAW])
     count, down, across = body.of_loads.shape
     x = _waves(dent[1], body.box_mm[0, 0], body.box_mm[0, 1], across)
     y = _waves(dent[2], body.box_mm[1, 0], body.box_mm[1, 1], down)
@@ -202,15 +207,22 @@ def _add_body(dent: Float, body: Body, products: Float, by: Float, field: Float)
             by_load[1, one] += y[0, i] * slope
             by_load[2, one] += y[1, i] * value
     # (1 + z)^(-1/2) is size / r far away
-    size = 1.0 / np.sqrt(a * c)
+    size = (FAR_OF_BALL if dent[LAW] >= BALL else 1.0) / np.sqrt(a * c)
+    by_load *= size
     added = np.zeros((3, products.shape[2]))
     for part in range(3):
         added[:] = 0.0
-        for one in range(count):
+        # four at a time, as memory is slower than sums
+        for one in range(0, count - 3, 4):
+            of, to = by_load[:, one : one + 4], products[part, one : one + 4]
             for kind in range(3):
-                factor = size * by_load[kind, one]
                 for i in range(added.shape[1]):
-                    added[kind, i] += factor * products[part, one, i]
+                    by_four = of[kind, 0] * to[0, i] + of[kind, 1] * to[1, i]
+                    added[kind, i] += by_four + (of[kind, 2] * to[2, i] + of[kind, 3] * to[3, i])
+        for one in range(count // 4 * 4, count):
+            for kind in range(3):
+                for i in range(added.shape[1]):
+                    added[kind, i] += by_load[kind, one] * products[part, one, i]
         for i in range(added.shape[1]):
             whole = added[0, i]
             field[part, i] += depth * share * whole
@@ -227,18 +239,12 @@ def added_by_body(numbers: Float, quiet: Nodes, known: Known) -> float:
     """Depth / h at the anchor, mm, that the body adds to loads."""
     field, by = np.zeros((3, len(quiet.x))), np.zeros((NUMBERS, 3, len(quiet.x)))
     for k in range(0, dents_end(numbers), NUMBERS):
-        if numbers[k + LAW] > POINT:
+        if share_of_body(numbers[k + LAW]) > 0.0:
             _add_body(numbers[k : k + NUMBERS], known.body, quiet.products, by, field)
     total = 0.0
     for i in range(len(known.share)):
         total += known.share[i] / quiet.scale[i] * field[0, i]
     return total
-
-
-@numba.njit(cache=True, error_model="numpy")
-def dents_end(numbers: Float) -> int:
-    """Count of the dents' numbers; two more may follow, a tilt of all slopes, rad."""
-    return len(numbers) // NUMBERS * NUMBERS
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -250,7 +256,7 @@ def _dents(numbers: Float, laws: int, nodes: Nodes, body: Body) -> tuple[Float, 
         field[1 + axis], by[end + axis, 1 + axis] = numbers[end + axis], 1.0
     for k in range(0, end, NUMBERS):
         _add(numbers[k : k + NUMBERS], nodes.x, nodes.y, by[k : k + NUMBERS], field)
-        if numbers[k + LAW] > POINT:
+        if share_of_body(numbers[k + LAW]) > 0.0:
             _add_body(numbers[k : k + NUMBERS], body, nodes.products, by[k : k + NUMBERS], field)
         if k > 0 and laws == ONE_LAW:
             by[LAW] += by[k + LAW]

@@ -9,7 +9,8 @@ import numpy as np
 
 from zeromethod.arrays import Float
 from zeromethod.rounding import REORDERED
-from zeromethod.surface.far_field_laws import LAW, NUMBERS, Known, Nodes
+from zeromethod.surface.far_field_laws import Known, Nodes
+from zeromethod.surface.far_field_shapes import LAW, NUMBERS
 
 _PLACES, _SIZES = (9, 7), (24.0, 12.0, 6.0, 3.0)
 """Places across and down, and the view's diagonal over sizes, of the dents that are tried."""

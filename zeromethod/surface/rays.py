@@ -10,6 +10,7 @@ import numpy as np
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.optics import Flat, Optics
+from zeromethod.optics.saw_rays import exit_tooth
 from zeromethod.surface.node_passes import diagonal
 
 _STEPS = 20
@@ -110,13 +111,17 @@ class MirrorRays:
     z = h_rest(x, y) - depth. Points and slopes are NaN where the ray misses the mirror at rest.
     """
 
-    def __init__(self, optics: Optics, u_px: Float, v_px: Float) -> None:
+    def __init__(self, optics: Optics, u_px: Float, v_px: Float, shift_mm: Float | float = 0.0) -> None:
+        """shift_mm: (...) by which rays are moved along x in the rubber (`seams`)."""
         self._rest = optics.rest
-        self._joining = optics.joining
-        at_rest = optics.trace(u_px, v_px, optics.rest)
+        self._joinings = optics.joinings
+        origin, direction = optics.rubber_rays(u_px, v_px)
+        origin[..., 0] += shift_mm
+        self.rubber = origin, direction
+        self._tooth = exit_tooth(optics, origin, direction)
+        at_rest = optics.trace_rays(origin, direction, optics.rest)
         self.rest_q: Float = at_rest.q
         hits = np.asarray(np.isfinite(at_rest.q).all(axis=-1))
-        origin, direction = optics.rubber_rays(u_px, v_px)
         self._direction, self._rest_point = (
             np.ascontiguousarray(np.where(hits, np.moveaxis(one, -1, 0), np.nan))
             for one in (direction, at_rest.point)
@@ -132,7 +137,7 @@ class MirrorRays:
     def part(self, box: tuple[slice, ...]) -> MirrorRays:
         """Those of a box of rows and columns."""
         part = copy(self)
-        part.rest_q, part.hits = self.rest_q[box], self.hits[box]
+        part.rest_q, part.hits, part._tooth = self.rest_q[box], self.hits[box], self._tooth[box]
         part._direction, part._rest_point, part._way_per_depth = (
             np.ascontiguousarray(one[:, *box])
             for one in (self._direction, self._rest_point, self._way_per_depth)
@@ -167,8 +172,19 @@ class MirrorRays:
             rate = (np.stack(rest.gradient(*ahead)) - slope) / _PROBE_MM
         looked_at = np.ascontiguousarray(np.moveaxis(q, -1, 0))
         fields = self._direction, point, looked_at, way, slope, rate
-        self._joining.add_slope(*(one.reshape(len(one), -1) for one in fields))
+        self._join([one.reshape(len(one), -1) for one in fields])
         return Look(depth_mm, depth_mm.copy(), slope, rate, point, way, self._extent_mm)
+
+    def _join(self, fields: list[Float]) -> None:
+        """Add what `Joining.add_slope` finds, tooth by tooth; a prism is one."""
+        if len(self._joinings) == 1:
+            self._joinings[0].add_slope(*fields)
+            return
+        for tooth in np.unique(self._tooth):
+            nodes = np.flatnonzero(self._tooth == tooth)
+            part = [np.ascontiguousarray(field[:, nodes]) for field in fields]
+            self._joinings[tooth].add_slope(*part)
+            fields[4][:, nodes], fields[5][:, nodes] = part[4:]
 
     def slope(self, depth_mm: Float, q: Float) -> tuple[Float, Float]:
         """Slope of depth (rows, cols, 2) at points (rows, cols, 3), of `look`.

@@ -13,6 +13,7 @@ from zeromethod.arrays import Float, Mask
 from zeromethod.errors import InputError
 from zeromethod.mechanics.body import body_of
 from zeromethod.optics import Optics
+from zeromethod.optics.bench import sensitivity_of_rays
 from zeromethod.rig.model import Rig, check_rig
 from zeromethod.surface.anchor import KnownReading, RestFit
 from zeromethod.surface.anchoring import Anchors, certain
@@ -35,6 +36,7 @@ from zeromethod.surface.node_passes import (
 )
 from zeromethod.surface.noise import DepthNoise, SlopeNoise
 from zeromethod.surface.rays import MirrorRays
+from zeromethod.surface.seams import PASSES, Seams, steps_sigma_mm
 from zeromethod.surface.settling import Reading, Settling, Start
 from zeromethod.surface.surface import Anchor, Surface, continued_points
 from zeromethod.surface.view_border import border_sigma_mm
@@ -99,7 +101,8 @@ class SurfaceReader:
         self._grid = grid
         u, v = grid.mesh()
         u, v = u[grid.inner], v[grid.inner]
-        self._rays = MirrorRays(optics, u, v)
+        self._seams = Seams.of(optics, grid)
+        self._rays = MirrorRays(optics, u, v, 0.0 if self._seams is None else self._seams.shift_mm)
         island = largest_island(self._rays.hits)
         if np.count_nonzero(island) < 4:
             raise InputError(f"rig {rig.name}: no camera pixel sees the LCD by the mirror at rest")
@@ -112,12 +115,14 @@ class SurfaceReader:
         self._depth_modes = modes[:, 0][(slice(None), *grid.inner)]
         self._depth_share = np.sqrt((self._depth_modes**2).sum(axis=0))
         self._sigma_place = np.sqrt((modes[:, 1:] ** 2).sum(axis=0))
-        sensitivity = optics.sensitivity(u, v)
+        sensitivity = sensitivity_of_rays(optics, *self._rays.rubber)
         regular = island & (
             np.abs(np.linalg.det(np.where(island[..., None, None], sensitivity, np.eye(2)))) > 0
         )
         self._usable = regular
         sensitivity = np.where(regular[..., None, None], sensitivity, np.eye(2))
+        if self._seams is not None:
+            self._seams.look_by(self._rays, sensitivity)
         self._rest_bending = jacobian(self._rays.rest_q, grid.spacing_px)
         self._fold_per_mm = fold_per_mm(self._rest_bending, grid.spacing_px, sensitivity, point, regular)
         self._lever = Lever(self._rays, sensitivity)
@@ -185,23 +190,27 @@ class SurfaceReader:
         """
         if warp.q.shape != (*self._grid.shape, 2):
             raise InputError(f"warp.q: shape {warp.q.shape}: must be {(*self._grid.shape, 2)}")
-        inner = self._grid.inner
-        sigma_q, usable = warp.sigma[inner].copy(), np.empty(self._usable.shape, bool)
-        planes = np.empty((2, *usable.shape))
-        use_nodes(warp.q[inner], sigma_q, warp.flags[inner], self._usable, planes, usable)
-        q = np.moveaxis(planes, 0, -1)
-        bending = jacobian(warp.q, self._grid.spacing_px, PADDING)
-        at_rest_where_unknown(bending, self._rest_bending)
-        spread = self._lever.spread(bending, sigma_q)
-        variance = self._lever.variance(spread)
         if self._drift is not None:
             self._drift.look(warp)
         start = None if previous is None else self._start(warp.time_ns, previous)
-        reading = self._settling.settle(q, variance, usable, start)
+        inner, measured, seam, depth = self._grid.inner, warp, None, np.zeros(self._usable.shape)
+        for _ in range(1 if self._seams is None else PASSES):
+            if self._seams is not None:
+                warp, seam = self._seams.carried(measured, depth)
+            sigma_q, usable = warp.sigma[inner].copy(), np.empty_like(self._usable)
+            planes = np.empty((2, *usable.shape))
+            use_nodes(warp.q[inner], sigma_q, warp.flags[inner], self._usable, planes, usable)
+            q = np.moveaxis(planes, 0, -1)
+            bending = jacobian(warp.q, self._grid.spacing_px, PADDING)
+            at_rest_where_unknown(bending, self._rest_bending)
+            spread = self._lever.spread(bending, sigma_q)
+            variance = self._lever.variance(spread)
+            reading = self._settling.settle(q, variance, usable, start)
+            depth = reading.depth
         variance = self._lever.variance(spread, reading.depth, reading.slope)
-        state = bending, sigma_q, reading.depth, reading.slope
-        noise = SlopeNoise(lambda: self._lever.factor(*state), variance, *self._overlap)
-        surface = self._surface(warp, reading, noise, previous is None)
+        factor = partial(self._lever.factor, bending, sigma_q, reading.depth, reading.slope)
+        noise = SlopeNoise(factor, variance, *self._overlap)
+        surface = self._surface(warp, reading, noise, previous is None, seam)
         return self._with_cut_off(surface, reading, q, usable, variance)
 
     def follow(self, warp: Warp) -> Surface:
@@ -266,22 +275,23 @@ class SurfaceReader:
                 moved_on(depth, *steps, apart_ns / back_ns, ahead_ns / apart_ns)
         return Start(depth, nodes)
 
-    def _surface(self, warp: Warp, reading: Reading, noise: SlopeNoise, alone: bool) -> Surface:
+    def _surface(
+        self, warp: Warp, reading: Reading, noise: SlopeNoise, alone: bool, seam: Mask | None
+    ) -> Surface:
         """alone: sigma is to be as exact as it can be, and not only after some readings."""
         island = self._integrator.island
         sigma_depth = np.full(island.shape, np.nan)
         anchor = Anchor("none", np.zeros(self._grid.shape, bool), 0.0)
         x, y = reading.point[..., 0], reading.point[..., 1]
-        fit, curl = reading.fit, None
-        systematic: list[Float] = []
+        fit, curl, systematic = reading.fit, None, list[Float]()
         if fit is not None and self._drift is not None:
             of_frame = self._noise.variance(noise, x, y, fit.weights, alone)
             read = KnownReading(x, y, reading.depth, self._scale, of_frame, reading.slope, noise.variance)
             fit, systematic = self._drift.systematic(fit, read, noise)
             systematic.append(border_sigma_mm(reading.slope, reading.point, island))
+            systematic += [] if seam is None else [steps_sigma_mm(reading.depth, island)]
             hidden = None if warp.left is None else self._hidden.of(warp.left, noise.variance, island)
-            if hidden is not None:
-                systematic.append(hidden)
+            systematic += [] if hidden is None else [hidden]
             errors = self._depth_share, reading.depth, np.stack(systematic)
             sigma_depth = together(self._scale, of_frame, *errors)
             curl = self._drift.test(warp, reading, noise)
@@ -299,6 +309,7 @@ class SurfaceReader:
             iterations=reading.iterations,
             curl=curl,
             fold_per_mm=self._fold_per_mm,
+            seam=seam,
         )
         self._before = (None if self._last is None else self._last.surface), self._before[0]
         self._last = None

@@ -88,6 +88,9 @@ class Surface:
     fold_per_mm : float
         Curvature of the mirror at which its image folds, 1/mm, median over the view: what a hole of unread
         nodes may hide bends at least as much. 0 where that is not known.
+    seam : (rows, cols) bool, optional
+        Of a saw: nodes whose window touches a seam between teeth. Those that are valid were not measured:
+        their slope is carried across from both sides.
 
     Notes
     -----
@@ -112,6 +115,7 @@ class Surface:
     sigma_x_mm: Float = field(default_factory=lambda: np.zeros((0, 0)))
     sigma_y_mm: Float = field(default_factory=lambda: np.zeros((0, 0)))
     fold_per_mm: float = 0.0
+    seam: Mask | None = None
 
     def __post_init__(self) -> None:
         """Continue the mirror points where no ray meets the mirror."""

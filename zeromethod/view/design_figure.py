@@ -81,6 +81,17 @@ def _slab(face: Face, from_mm: float, to_mm: float) -> Float:
     return np.array(corners)[:, [0, 2]]
 
 
+def _outline(view: SampledView) -> Float:
+    """(n, 2) corners x, z of the rubber: P0, R0, apex of a prism; of a saw its valleys and tips as well."""
+    prism, saw = view.optics.prism, view.optics.saw
+    if saw is None:
+        return np.array([prism.pattern_face.edge, prism.camera_face.edge, prism.apex_mm])[:, [0, 2]]
+    corners = [np.zeros(3), np.array([prism.length_mm, 0.0, 0.0])]
+    for pattern, camera in zip(saw.pattern[::-1], saw.camera[::-1], strict=True):
+        corners += [camera.edge, pattern.edge + pattern.length_mm * pattern.along, pattern.edge]
+    return np.array(corners)[:, [0, 2]]
+
+
 def _panel_line(view: SampledView) -> Float:
     """(2, 2) ends x, z of the LCD's pixel area where it crosses the plane y = 0."""
     columns, rows = view.rig.display.columns - 0.5, view.rig.display.rows - 0.5
@@ -98,8 +109,7 @@ def _panel_line(view: SampledView) -> Float:
 
 def _bench(axis: Axes, view: SampledView, rays: list[RayPath]) -> None:
     prism = view.optics.prism
-    triangle = np.array([prism.pattern_face.edge, prism.camera_face.edge, prism.apex_mm])[:, [0, 2]]
-    axis.add_patch(Polygon(triangle, closed=True, facecolor=_RUBBER, edgecolor="black", linewidth=0.8))
+    axis.add_patch(Polygon(_outline(view), closed=True, facecolor=_RUBBER, edgecolor="black", linewidth=0.8))
     stacks = ((prism.pattern_face, view.rig.pattern_layers), (prism.camera_face, view.rig.camera_layers))
     for face, layers in stacks:
         depth = 0.0
@@ -167,7 +177,7 @@ def _label_whole(axis: Axes, view: SampledView, rays: list[RayPath]) -> None:
 def _label_near(axis: Axes, view: SampledView, figures: dict[str, Any]) -> None:
     prism, rig = view.optics.prism, view.rig
     panel = _panel_line(view)
-    corners = np.array([prism.pattern_face.edge, prism.camera_face.edge, prism.apex_mm])[:, [0, 2]]
+    corners = _outline(view)
     points = np.vstack([corners, panel])
     low, high = points.min(axis=0) - _MARGIN_MM, points.max(axis=0) + _MARGIN_MM
     axis.set_xlim(low[0], high[0])

@@ -47,6 +47,7 @@ def design_table(figures: Figures, warnings: list[str]) -> Group:
         parts.append(Text())
     whole = (
         *_view_rows(figures["view"]),
+        *_seam_rows(figures["seams"]),
         *_resolution_rows(figures["resolution"]),
         *_noise_rows(figures["noise"]),
         ("best period of the carrier", _best_period(figures["carrier"])),
@@ -212,6 +213,14 @@ def _view_rows(view: Figures) -> list[tuple[str, str]]:
         ),
         ("view that sees the LCD", f"{view['sees_lcd_share']:.1%}" + (f" ({lost})" if lost else "")),
     ]
+
+
+def _seam_rows(seams: Figures | None) -> list[tuple[str, str]]:
+    if seams is None:
+        return []
+    band, pitch = seams["band_mm"], seams["pitch_mm"]
+    hidden = f"{band:.2f} mm of every {pitch:.2f}, {seams['hidden_share']:.1%} of the mirror in view"
+    return [("seams between teeth hide", hidden), ("nodes that see a seam", f"{seams['nodes_share']:.1%}")]
 
 
 def _resolution_rows(found: Figures) -> list[tuple[str, str]]:

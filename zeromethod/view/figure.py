@@ -98,6 +98,8 @@ def _title(figures: dict[str, Any]) -> str:
         low = f" ({100 * (read_mm / true_mm - 1):+z.2f} %)" if read_mm is not None and true_mm else ""
         parts.append(f"true {true_mm:.5f} mm{low}")
         parts.append(f"rms error of the nodes read {1e3 * truth['depth_rms_error_um']:.0f} nm")
+    if (fine := figures.get("fine")) is not None:
+        parts.append(f"peak on every pixel {fine['depth_peak_mm']:.5f} mm")
     return "   ".join(parts)
 
 

@@ -16,6 +16,7 @@ from zeromethod.warp.continuation import continue_smoothly, continued
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.jacobian import areas, warp_flags
 from zeromethod.warp.rest_pixels import RestGrid
+from zeromethod.warp.seams import SeamMap
 from zeromethod.warp.validity import Flag
 
 LEAST_NODES = 16
@@ -55,8 +56,8 @@ class Rest:
     """The warp at rest on a grid.
 
     q: (rows, cols, 2) LCD px, finite everywhere: continued where no ray arrives. flags: (rows, cols)
-    uint16, NO_RAY there, else 0. visible: (rows, cols) nodes measurable and visible at rest: their ray ends
-    at least one carrier period inside the panel. display_size: (columns, rows) LCD px.
+    uint16, NO_RAY there, SEAM at a saw's seams, else 0. visible: (rows, cols) nodes measurable and visible at
+    rest: their ray ends at least one carrier period inside the panel. display_size: (columns, rows) LCD px.
     """
 
     grid: NodeGrid
@@ -74,6 +75,12 @@ class Rest:
         """Take out nodes (rows, cols) that cannot be measured; their warp is drawn all the same."""
         return replace(self, visible=self.visible & ~covered)
 
+    def _with_seams(self, seams: SeamMap) -> Rest:
+        """With nodes that see a seam flagged; their warp is drawn all the same."""
+        seam = self.grid.padded(seams.touched(np.zeros(seams.x_mm.shape)), False)
+        flags = np.where(seam, self.flags | np.uint16(Flag.SEAM), self.flags)
+        return replace(self, flags=flags, visible=self.visible & ~seam)
+
     @classmethod
     def of(cls, rig: Rig, optics: Optics) -> Rest:
         """Rest warp as measured where the rig names a rest map, else by its geometry.
@@ -85,7 +92,9 @@ class Rest:
         q = optics.trace(*grid.mesh(), optics.rest).q
         if rig.camera.rest_map is not None:
             grid, q = _measured(grid, q, rig.camera.rest_map, optics)
-        return cls.from_map(grid, q, (rig.display.columns, rig.display.rows))
+        rest = cls.from_map(grid, q, (rig.display.columns, rig.display.rows))
+        seams = SeamMap.of(optics, grid)
+        return rest if seams is None else rest._with_seams(seams)
 
     @classmethod
     def from_map(cls, grid: NodeGrid, q: Float, display_size: tuple[int, int]) -> Rest:

@@ -20,3 +20,4 @@ class Flag(enum.IntFlag):
     NO_RAY = 512  # at rest the pixel's ray misses the mirror or a face
     CODED = 2048  # sees the coded pictures of a burst
     BESIDE_DARK = 1024  # failed a moment ago beside a place without light, and may again
+    SEAM = 4096  # its window touches a seam between the teeth of a saw

@@ -9,7 +9,7 @@ import numpy as np
 
 from zeromethod.errors import InputError
 from zeromethod.optics.mirror import HeightField, height_field
-from zeromethod.rig.tables import RestSurface
+from zeromethod.rig.prism_tables import RestSurface
 from zeromethod.simulation.contact.objects import Held
 
 _STEP_MM = 0.5

@@ -19,7 +19,8 @@ from scipy.special import j0
 
 from zeromethod.arrays import Float
 from zeromethod.errors import InputError
-from zeromethod.rig.tables import FaceSupports, Prism, Rubber
+from zeromethod.rig.prism_tables import Prism
+from zeromethod.rig.tables import FaceSupports, Rubber
 from zeromethod.rubber.prism import HeldPrism, PrismKernel, prism_kernel
 
 _WAVES = 30.0

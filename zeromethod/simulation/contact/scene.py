@@ -16,7 +16,8 @@ from scipy.ndimage import spline_filter
 
 from zeromethod.arrays import Float
 from zeromethod.errors import InputError
-from zeromethod.rig.tables import Prism, Rubber
+from zeromethod.rig.prism_tables import Prism
+from zeromethod.rig.tables import Rubber
 from zeromethod.simulation.contact.compliance import Compliance, Spread
 from zeromethod.simulation.contact.objects import Held
 from zeromethod.simulation.contact.patch import Patch, Presser

@@ -1,0 +1,71 @@
+"""One surface over a saw's teeth, read from exact warps: nodes at seams are carried across, without steps."""
+
+import numpy as np
+import pytest
+from surface_bench import Bench, Gauss
+
+from zeromethod import load_rig
+from zeromethod.surface import peak
+from zeromethod.warp.validity import Flag
+
+
+@pytest.fixture(scope="module")
+def thin():
+    """Fewer rows than the packaged rig, as all rows are alike."""
+    return Bench(load_rig("thin").replace({"camera.rows": 512, "camera.centre_px": (511.5, 255.5)}))
+
+
+def seam_mm(bench) -> float:
+    """Middle of a seam, by the nodes that it takes, mm."""
+    surface = bench.reader.read(bench.warp(Gauss(1e-4, 41.0, 0.0, 2.0)))
+    row = surface.depth_mm.shape[0] // 2
+    taken = np.flatnonzero(surface.seam[row])
+    first = taken[np.flatnonzero(np.diff(taken) > 1)[0] + 1 :]
+    run = first[: np.flatnonzero(np.diff(first) > 1)[0] + 1]
+    return float(surface.x_mm[row, run].mean())
+
+
+@pytest.mark.parametrize(("sigma_mm", "depth_mm"), [(1.5, 0.015), (2.0, 0.03), (3.0, 0.07)])
+@pytest.mark.parametrize("off_mm", [0.0, 1.2, 4.1])
+def test_a_dent_on_or_beside_a_seam_is_read_as_deep_as_it_is(thin, sigma_mm, depth_mm, off_mm):
+    dent = Gauss(depth_mm, seam_mm(thin) + off_mm, 0.07, sigma_mm)
+    surface = thin.reader.read(thin.warp(dent))
+    error = surface.depth_mm - dent.depth(surface.x_mm, surface.y_mm)
+    assert np.abs(error[surface.valid]).max() < 5e-3 * depth_mm  # the bar of a known geometry
+    assert peak(surface).depth_mm == pytest.approx(depth_mm, rel=2e-3)
+    # what is carried knows that it may be off
+    assert (np.abs(error) / surface.sigma_depth_mm)[surface.valid & surface.seam].max() < 4.0
+
+
+def test_no_step_is_left_across_a_seam(thin):
+    at = seam_mm(thin)
+    dent = Gauss(0.02, at + 6.0, 0.0, 5.0)
+    surface = thin.reader.read(thin.warp(dent))
+    error = surface.depth_mm - dent.depth(surface.x_mm, surface.y_mm)
+    left, right = (
+        (np.abs(surface.x_mm - at - way) < 0.5) & surface.valid & ~surface.seam for way in (-1.5, 1.5)
+    )
+    assert left.any()
+    assert right.any()
+    assert abs(np.median(error[right]) - np.median(error[left])) < 50e-6
+
+
+def test_nodes_at_seams_are_not_believed(thin):
+    dent = Gauss(0.03, 40.0, 0.0, 2.0)
+    warp = thin.warp(dent)
+    warp.flags[thin.reader.read(warp).seam] |= np.uint16(Flag.SEAM)
+    surface = thin.reader.read(warp)
+    warp.q[surface.seam] += 7.0
+    again = thin.reader.read(warp)
+    np.testing.assert_allclose(
+        again.depth_mm[surface.valid], surface.depth_mm[surface.valid], atol=1e-7, rtol=0
+    )
+
+
+def test_a_seam_beside_something_larger_that_is_lost_stays_open(thin):
+    warp = thin.warp(Gauss(0.01, 40.0, 0.0, 3.0))
+    surface = thin.reader.read(warp)
+    row = surface.depth_mm.shape[0] // 2
+    ends = np.flatnonzero(np.diff(surface.seam[row].astype(int)) == -1)[1] + 1
+    warp.flags[row, ends : ends + 8] |= np.uint16(Flag.LIGHT_LOST)
+    assert not thin.reader.read(warp).valid[row, ends - 1]

@@ -1,0 +1,68 @@
+"""Seams between a saw's teeth: where the camera sees them, and how they move as the mirror tilts.
+
+The mirror goes on over a seam, the optics under it do not: on one side of it rays are longer in the rubber
+than on the other, and a band of the mirror between is not seen at all.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from zeromethod.arrays import Float, Mask
+from zeromethod.optics import Lost, Optics
+from zeromethod.optics.saw_rays import seams
+from zeromethod.warp.grid import NodeGrid
+
+_SLACK_PX = 2.0
+"""By how much seams may be off where the rig file has them: 0.05 mm of rubber make 1.8 px."""
+_FAR_PX = 1e9
+
+
+class SeamMap:
+    """Seams of a rig's saw, as the measurable nodes of a grid see them.
+
+    x_mm: (rows, cols) where the nodes look on the mirror at rest.
+    """
+
+    def __init__(self, optics: Optics, grid: NodeGrid) -> None:
+        u, v = (each[grid.inner] for each in grid.mesh())
+        first, last = int(u.min()) - grid.period_px, int(u.max()) + grid.period_px + 1
+        across = np.arange(first, last + 1, dtype=np.float64)
+        lost, *teeth = seams(optics, *np.meshgrid(across, v[:, 0]))
+        changes = (np.diff(tooth, axis=1, append=tooth[:, -1:]) != 0 for tooth in teeth)
+        entry, leaving = (_distances((lost == Lost.SEAM) | change) for change in changes)
+        columns = np.rint(u - first).astype(np.intp)
+        self._before_px, self._after_px = (np.take_along_axis(one, columns, 1) for one in leaving)
+        self._entry_px = np.minimum(*(np.take_along_axis(one, columns, 1) for one in entry))
+        self._reach_px = grid.period_px + _SLACK_PX
+        at_rest = optics.trace(u, v, optics.rest)
+        self.x_mm = at_rest.point[..., 0]
+        # by how much a seam of the faces towards the LCD moves to where u grows, per rad, at a valley and at
+        # a tip: a slope turns the ray by twice as much, and it leaves the further off the longer it stays in
+        # the rubber
+        per_px = float(np.nanmedian(np.gradient(self.x_mm, axis=1))) / grid.spacing_px
+        per_mm = 2.0 / (float(np.nanmedian(at_rest.cos_incidence)) ** 2 * per_px)
+        spec = optics.rig.prism.teeth
+        assert spec is not None
+        self._moves_px = spec.base_mm * per_mm, optics.prism.thickness_mm * per_mm
+
+    @classmethod
+    def of(cls, optics: Optics, grid: NodeGrid) -> SeamMap | None:
+        """Those of a rig; None of a prism."""
+        return None if optics.rig.prism.teeth is None else cls(optics, grid)
+
+    def touched(self, slope_x: Float) -> Mask:
+        """Nodes (rows, cols) whose window touches a seam while the mirror has this slope along x, rad."""
+        valley, tip = (per_rad * slope_x for per_rad in self._moves_px)
+        after_px = self._after_px + np.minimum(valley, tip)
+        before_px = self._before_px - np.maximum(valley, tip)
+        nearest = np.minimum(self._entry_px, np.minimum(before_px, after_px))
+        return np.asarray(nearest < self._reach_px)
+
+
+def _distances(marked: Mask) -> tuple[Float, Float]:
+    """Px from each column (rows, cols) to the nearest marked one at or before it, and at or after it."""
+    column = np.broadcast_to(np.arange(marked.shape[1], dtype=np.float64), marked.shape)
+    before = np.maximum.accumulate(np.where(marked, column, -_FAR_PX), axis=1)
+    after = np.minimum.accumulate(np.where(marked, column, _FAR_PX)[:, ::-1], axis=1)[:, ::-1]
+    return column - before, after - column
