@@ -19,8 +19,9 @@ from zeromethod.light_array.loop import LightLoop, LightStep
 from zeromethod.light_array.optics import COUNT
 from zeromethod.light_array.rig import LightArrayRig, checked
 from zeromethod.recording.file import check_new
+from zeromethod.recording.schema import LIGHT_ARRAYS
 
-FORMAT, FORMAT_VERSION = "zeromethod light arrays", 1
+FORMAT_VERSION = 1
 _READINGS = np.dtype([("number", "<u8"), ("shown", "<u8"), ("time_ns", "<i8"), ("counts", "<u2", COUNT)])
 _LEVELS = np.dtype([("number", "<u8"), ("levels", "<u2", COUNT)])
 _AT_ONCE = 500
@@ -43,7 +44,7 @@ class RecordedArrays(AbstractContextManager["RecordedArrays"]):
         ]
         self._file = h5py.File(path, "x", libver="latest")
         self._file.attrs.update(
-            format=FORMAT, format_version=FORMAT_VERSION, version=version("zeromethod"), complete=False,
+            format=LIGHT_ARRAYS, format_version=FORMAT_VERSION, version=version("zeromethod"), complete=False,
             started_utc=datetime.now(UTC).isoformat(), rig=rig.model_dump_json(exclude_unset=True),
         )  # fmt: skip
         self._rows: dict[str, list[Any]] = {}
@@ -152,7 +153,7 @@ def is_light_recording(path: Path) -> bool:
     """Whether a file is a recording of arrays."""
     try:
         with h5py.File(path, "r") as file:
-            return bool(file.attrs.get("format") == FORMAT)
+            return bool(file.attrs.get("format") == LIGHT_ARRAYS)
     except (OSError, ValueError):
         return False
 

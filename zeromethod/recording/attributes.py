@@ -6,13 +6,15 @@ from typing import Any
 
 from zeromethod.recording.checksums import canonical, checksum_of
 from zeromethod.recording.opening import Refusal, RefusedRecording
-from zeromethod.recording.schema import LATER, SCHEMA, SCHEMA_VERSION, TABLES
+from zeromethod.recording.schema import LATER, LIGHT_ARRAYS, SCHEMA, SCHEMA_VERSION, TABLES
 from zeromethod.recording.source import RecordingFile
 
 
 def checked_attributes(source: RecordingFile) -> dict[str, Any]:
     """All of them. Raises RefusedRecording for no recording, another format, damage, an empty file."""
     found = source.attributes()
+    if found.get("format") == LIGHT_ARRAYS:
+        raise RefusedRecording(source.path, Refusal.LIGHT_ARRAYS)
     if found.get("schema") != SCHEMA:
         raise RefusedRecording(source.path, Refusal.NO_RECORDING)
     if (version := found.get("schema_version")) != SCHEMA_VERSION:

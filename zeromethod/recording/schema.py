@@ -22,6 +22,9 @@ from zeromethod.warp.grid import PADDING
 SCHEMA = "zeromethod recording"
 SCHEMA_VERSION = 3
 
+LIGHT_ARRAYS = "zeromethod light arrays"
+"""Format of recordings of LED and photodetector arrays, which have a layout of their own."""
+
 KEEP = ("frames", "residual", "warps", "surface", "fine")
 """What may be kept or left out; tables are always kept. "fine": of a run that reads every pixel."""
 
