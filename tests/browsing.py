@@ -23,6 +23,7 @@ from zeromethod.simulation.camera import SimulatedCamera
 
 class CalmCamera(SimulatedCamera):
     reads = 0
+    exposure_settable = False
 
     def read(self, timeout_s):
         self.reads += 1

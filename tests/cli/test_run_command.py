@@ -35,7 +35,7 @@ def test_a_press_is_nulled_read_recorded_and_drawn(tmp_path):
     # A quarter of the camera's resolution: the bar of the full rig (0.3 %) widened by the node's size.
     assert abs(figures["truth"]["depth_peak_error_percent"]) < 1.0
     assert figure.read_bytes().startswith(b"\x89PNG")
-    assert figures["recording"] == ""
+    assert figures["recording_trouble"] == ""
     with Recording(path) as recording:
         assert recording.complete
         frames = recording.steps[recording.steps["frame_number"] >= 0]

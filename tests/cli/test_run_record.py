@@ -46,7 +46,7 @@ def test_a_recording_that_was_ended_early_is_no_success(tmp_path, monkeypatch):
     assert code == 1
     assert f"zeromethod: cannot write: --record: disk full: recording stopped at 0.0 s ({LIMIT}), " in err
     # all else is there
-    assert LIMIT in json.loads(summary.read_text())["recording"]
+    assert LIMIT in json.loads(summary.read_text())["recording_trouble"]
     with Recording(path) as recording:
         assert len(recording.steps) >= 12
 
