@@ -18,6 +18,7 @@ from typing import Any
 COMMANDS = {
     "run": ("run", "run --strips --seconds 0.6 --scenario ball", "run --passive --seconds 0.6"),
     "fine": ("run --fine --seconds 0.9 --scenario none",),
+    "leds": ("run --rig leds --seconds 0.8",),
     "calibrate": (
         "calibrate fringes --panel 320 200 --periods 16,20,22,25 --shifts 6 --output fringes",
         "calibrate decode fringes/*.png --panel 320 200 --periods 16,20,22,25 --shifts 6 --output rest.npz",
@@ -85,6 +86,7 @@ if __name__ == "__main__":
     else:
         of = {command: found(command) for command in COMMANDS}
         known = {tuple(one[1:]) for one in of["run"]}
-        of["fine"] = [one for one in of["fine"] if tuple(one[1:]) not in known]
+        for command in ("fine", "leds"):
+            of[command] = [one for one in of[command] if tuple(one[1:]) not in known]
         rows = [f"{command} {' '.join(one[1:])}\n" for command in COMMANDS for one in of[command]]
         (ROOT / "zeromethod" / "kernels.txt").write_text("".join(rows), encoding="utf-8")

@@ -77,7 +77,8 @@ def plot_light_run(session: LightSession, path: Path) -> None:
         if (true := session.true_depth(step, x, np.full(x.shape, y[row]))) is not None:
             axes[1, 1].plot(x, 1e3 * true, "--", label="true")
             axes[1, 1].legend()
-        labelled(axes[1, 1], f"section at y = {y[row]:.1f} mm", "x, mm", "depth, µm")
+        axes[1, 1].invert_yaxis()
+        labelled(axes[1, 1], f"section at y = {y[row]:.1f} mm (into the rubber = down)", "x, mm", "depth, µm")
         time_s, peak, sigma, _ = np.array(session.history).T
         axes[1, 2].plot(time_s, 1e3 * peak)
         axes[1, 2].fill_between(time_s, 1e3 * (peak - 2 * sigma), 1e3 * (peak + 2 * sigma), alpha=0.3)
