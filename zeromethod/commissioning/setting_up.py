@@ -26,6 +26,9 @@ SETTLE_S = 0.2
 LOOK_AGAIN_S = 5.0
 """How often the LCD is looked for again while it is not seen as it should be."""
 
+PLAIN_FRAMES = 6
+"""Frames that make the image of a plain picture: lamps on the mains would pass for places, frame by frame."""
+
 FLICKER_FRAMES = 16
 BRIGHT_FRAMES = 600
 """Of so many frames the brightest counts: clouds go."""
@@ -170,7 +173,10 @@ class SettingUp:
         if self._drawer is None or self._plain is None:
             return None
         camera, patterns = self._rig.camera, self._patterns
-        images = [patterns.frames(codes, 1)[0].image for codes in self._plain.pictures]
+        images = [
+            np.mean([frame.image for frame in patterns.frames(codes, PLAIN_FRAMES)], axis=0)
+            for codes in self._plain.pictures
+        ]
         patterns.after(self._drawer.draw(self._meter.rest.q), 1)
         self._flicker.forget()
         self._bright.clear()

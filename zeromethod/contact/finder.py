@@ -33,7 +33,6 @@ from zeromethod.rig.model import Rig
 from zeromethod.sensing.residual import Residual
 from zeromethod.surface import Peak, Surface
 from zeromethod.warp.grid import NodeGrid
-from zeromethod.warp.validity import Flag
 
 LEAST_MM2 = 0.2
 """Area below which nothing is called a contact."""
@@ -95,9 +94,6 @@ class ContactFinder:
             if nulled:
                 self._rest.add(image, residual)
             return ()
-        if surface.seam is not None:  # dark where the mirror tilts, whatever touches
-            flags = np.where(surface.seam, residual.flags | np.uint16(Flag.NO_RAY), residual.flags)
-            residual = replace(residual, flags=flags)
         found = [self._contact(region, surface) for region in self._regions.find(image, residual, self._rest)]
         return self._track.follow([each for each in found if each is not None], surface.time_ns)
 
