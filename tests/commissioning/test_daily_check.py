@@ -124,7 +124,7 @@ def test_a_lost_camera_ends_the_check_with_its_reason():
 
 
 def test_a_camera_lost_while_the_loop_runs_says_nothing_about_the_calibration():
-    found = checked(RIG.replace({"simulation.faults.camera_lost_at_frame": 170}))  # as the rest is taken
+    found = checked(RIG.replace({"simulation.faults.camera_lost_at_frame": 195}))  # as the rest is taken
     rest = of(found, Subject.REST)
     assert rest.fitness is found.fitness is Fitness.UNFIT
     assert "the camera is lost" in rest.words
