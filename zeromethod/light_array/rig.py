@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationError, model_validator
 
 from zeromethod.errors import InputError
+from zeromethod.optics.prism import PrismGeometry
 from zeromethod.resources import resource
 from zeromethod.rig.load import LIGHT_ARRAYS, read_text, rig_path
 from zeromethod.rig.prism_tables import Prism
@@ -154,6 +155,14 @@ def checked(data: dict[str, Any], where: str | Path) -> LightArrayRig:
         rig = LightArrayRig.model_validate_json(json.dumps(data), strict=True)
     except ValidationError as error:
         raise InputError(f"{where}: {first_refusal(error, LightArrayRig)}") from None
+    mirror = PrismGeometry(rig.prism)
+    for key, low, high in (
+        ("x_mm", 0.0, mirror.length_mm),
+        ("y_mm", -mirror.half_width_mm, mirror.half_width_mm),
+    ):
+        of_frame = getattr(rig.frame, key)
+        if not low <= of_frame[0] < of_frame[1] <= high:
+            raise InputError(f"{where}: frame.{key}: {list(of_frame)}: on the mirror, {low:g} to {high:g} mm")
     if rig.prism.rest.shape != "flat":
         raise InputError(f"{where}: prism.rest.shape: {rig.prism.rest.shape!r}: flat, with arrays")
     return rig
