@@ -23,7 +23,7 @@ _CONTACTS = 16
 """Contact events that every message repeats, so that a subscriber that skips messages misses none."""
 _SEND_BUFFER_BYTES = 1 << 19
 """Kernel buffer per subscriber: about one message, or a slow line would always be late."""
-_LEAVING_S = 0.05
+_LEAVING_S = 0.5
 """Time that `close` gives the last message to leave: newest-only sockets do not linger."""
 
 
@@ -91,7 +91,7 @@ class Publisher(AbstractContextManager["Publisher"]):
         self._published = True
 
     def close(self) -> None:
-        """Give the last message 0.05 s to leave, then free the address. May be called again."""
+        """Give the last message half a second to leave, then free the address. May be called again."""
         if self._published:
             time.sleep(_LEAVING_S)
             self._published = False
