@@ -1,4 +1,4 @@
-"""The rig file of LED and photodetector arrays: its tables, and how it is told from a camera's."""
+"""The rig file of LED and photodetector arrays: its tables, and how it differs from a camera's."""
 
 from __future__ import annotations
 
@@ -141,6 +141,18 @@ class LightArrayRig(Table):
     simulation: Simulation = Simulation()
     scenario: Text = "default"
 
+    @model_validator(mode="after")
+    def _on_mirror(self) -> LightArrayRig:
+        mirror = PrismGeometry(self.prism)
+        for key, low, high in (
+            ("x_mm", 0.0, mirror.length_mm),
+            ("y_mm", -mirror.half_width_mm, mirror.half_width_mm),
+        ):
+            opening = getattr(self.frame, key)
+            if not low <= opening[0] < opening[1] <= high:
+                raise refused(f"frame.{key}", list(opening), f"on the mirror, {low:g} to {high:g} mm")
+        return self
+
     def changed(self, **tables: dict[str, Any] | str) -> LightArrayRig:
         """Rig with other values of its tables, checked: `changed(simulation={"seed": 1})`."""
         data = json.loads(self.model_dump_json(exclude_unset=True))
@@ -155,14 +167,6 @@ def checked(data: dict[str, Any], where: str | Path) -> LightArrayRig:
         rig = LightArrayRig.model_validate_json(json.dumps(data), strict=True)
     except ValidationError as error:
         raise InputError(f"{where}: {first_refusal(error, LightArrayRig)}") from None
-    mirror = PrismGeometry(rig.prism)
-    for key, low, high in (
-        ("x_mm", 0.0, mirror.length_mm),
-        ("y_mm", -mirror.half_width_mm, mirror.half_width_mm),
-    ):
-        of_frame = getattr(rig.frame, key)
-        if not low <= of_frame[0] < of_frame[1] <= high:
-            raise InputError(f"{where}: frame.{key}: {list(of_frame)}: on the mirror, {low:g} to {high:g} mm")
     if rig.prism.rest.shape != "flat":
         raise InputError(f"{where}: prism.rest.shape: {rig.prism.rest.shape!r}: flat, with arrays")
     return rig

@@ -27,7 +27,7 @@ _KEPT = 200_000
 
 
 class ArraysClock:
-    """The arrays' clock, as far as readings have told it."""
+    """The arrays' clock, as far as readings have given it."""
 
     def __init__(self) -> None:
         self.time_ns = 0

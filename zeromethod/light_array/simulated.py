@@ -39,7 +39,7 @@ class FramedMirror:
         by_x, by_y = self._mirror.slope(places[:, 0], places[:, 1])
         signs = np.array([(a, b) for _, a in xs for _, b in ys]).reshape(9, 2, *(1,) * x.ndim)
         both = signs[:, 0] * signs[:, 1]
-        # an image's own coordinate runs backwards: its slope has the other sign once more
+        # an image's own coordinate runs backwards: its slope has the other sign again
         return (both * depth).sum(0), (signs[:, 1] * by_x).sum(0), (signs[:, 0] * by_y).sum(0)
 
 

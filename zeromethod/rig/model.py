@@ -93,6 +93,14 @@ class Rig(Table):
             )
         return self
 
+    @property
+    def outlines_contacts(self) -> bool:
+        """Whether contacts are outlined: neither under a lamp, whose light the mirror spreads, nor on a saw.
+
+        Both look like the border of one.
+        """
+        return not self.light.by_mirror and self.prism.teeth is None
+
     @model_validator(mode="after")
     def _lit(self) -> Rig:
         if self.light.by_mirror and not self.control.passive:

@@ -316,10 +316,7 @@ class Session:
 
     def _touching(self, step: Step, surface: Surface) -> tuple[Contact, ...]:
         """What touches in a step."""
-        # beside a contact the mirror spreads a lamp's light, which would pass for its border; so would a
-        # saw's seam that a slope opens
-        unclear = self.rig.light.by_mirror or self.rig.prism.teeth is not None
-        if step.image is None or step.residual is None or unclear:
+        if step.image is None or step.residual is None or not self.rig.outlines_contacts:
             return ()
         if Event.BURST not in step.events:  # where coded pictures are shown the carrier is not seen
             nulled = sees_target(step.state, step.residual_rms_px)

@@ -60,14 +60,21 @@ def _polynomial(t: Float, weight: Float, degree: int) -> None:
 
 
 @numba.njit(cache=True)
+def _run_end(seam: Mask, first: int) -> int:
+    """Column of one row at which the nodes at a seam, from `first` on, end."""
+    end = first
+    while end < len(seam) and seam[end]:
+        end += 1
+    return end
+
+
+@numba.njit(cache=True)
 def _ends(good: Mask, seam: Mask, first: int) -> tuple[int, int]:
     """From, to of the columns of one row that belong to the seam at `first`.
 
     A seam that opens is wider than a window says: nodes next to it that were not measured are its own.
     """
-    start, end, cols = first, first, len(seam)
-    while end < cols and seam[end]:
-        end += 1
+    start, end, cols = first, _run_end(seam, first), len(seam)
     least, most = max(start - _MOST_DARK, 0), min(end + _MOST_DARK, cols)
     while start > least and not good[start - 1]:
         start -= 1
@@ -133,9 +140,7 @@ def _spread(x: Float, seam: Mask, out: Float) -> None:
             if not seam[j, i]:
                 i += 1
                 continue
-            end = i
-            while end < cols and seam[j, end]:
-                end += 1
+            end = _run_end(seam[j], i)
             if i > 1 and end < cols - 1:
                 step = 0.5 * (x[j, i - 1] - x[j, i - 2] + x[j, end + 1] - x[j, end])
                 extra = x[j, end] - x[j, i - 1] - (end - i + 1) * step
