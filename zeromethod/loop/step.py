@@ -14,6 +14,7 @@ from zeromethod.loop.call import Call
 from zeromethod.loop.drawing import Drawn
 from zeromethod.loop.events import Event
 from zeromethod.loop.state import State
+from zeromethod.rubbing import ContactStatus
 from zeromethod.sensing.residual import Residual
 from zeromethod.surface import Peak, Surface
 from zeromethod.surface.comparison import Comparison
@@ -42,6 +43,7 @@ class StepFigures:
     read and published, in real time; NaN in simulated time, which stands still meanwhile.
     touching: what touches the mirror in this frame, where it was read. total_force_n: sum of their forces, N,
     with its standard deviation; NaN where none is known.
+    contact_status: of a texture that rubs along the mirror; None where none does or `control.rubbing` is off.
     approach: what a watch camera sees come; None for a rig without one, and for the step that ends a run.
     truth: the reading compared with the true mirror of a simulated bench.
     untouched_rms_nm: rms depth (single frame, controller's filter) while nothing touches a simulated bench.
@@ -74,6 +76,7 @@ class StepFigures:
     touching: tuple[ContactFigures, ...] = ()
     total_force_n: float = NAN
     sigma_total_force_n: float = NAN
+    contact_status: ContactStatus | None = None
     approach: Approach | None = None
     truth: Comparison | None = None
     untouched_rms_nm: tuple[float, float] | None = None
