@@ -131,12 +131,14 @@ def _contact_rows(label: str, contacts: Sequence[Figures] | None) -> list[tuple[
 def summary_table(figures: Figures) -> Table:
     """Table of the figures of a run that were measured; rows without a value are left out."""
     rows: list[tuple[str, str]] = []
-    passive = {LOOP_MS[False]: LOOP_MS[True]} if figures["controller"] == "passive" else {}
+    named = {LOOP_MS[False]: LOOP_MS[True]} if figures["controller"] == "passive" else {}
+    of_run = figures["figures_of"] == "run"
     for label, keys, pattern in _ROWS:
         values = [_look_up(figures, key) for key in keys]
         words = pattern.format(*values) if None not in values else ""
         if words and not (label == _DEEPEST and words == rows[-1][1]):
-            rows.append((passive.get(label, label), words))
+            label = label.replace("the hold", "the run") if of_run else label
+            rows.append((named.get(label, label), words))
     for one in figures.get("approaches") or ():
         when = f"armed at {one['armed_s']:.2f} s, touch expected at {one['contact_s']:.2f} s"
         rows.append(("approach", f"{when}, ({one['x_mm']:.1f}, {one['y_mm']:.1f}) mm"))
