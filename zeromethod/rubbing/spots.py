@@ -121,7 +121,8 @@ def _measured(image: ContactImage, seed: Mask, looked: Mask, covered: Single) ->
     )
     own = np.zeros(int(nearest.max()) + 1, np.intp)
     own[nearest[seed]] = labels[seed]
-    sizes = np.bincount(own[nearest].ravel(), cover.ravel(), count)[1:] * pitch**2
+    pixels = np.bincount(own[nearest].ravel(), cover.ravel(), count)[1:]
+    sizes = np.asarray(pixels * pitch**2, dtype=np.float64)
     rim = cv2.erode(looked.view(np.uint8), np.ones((3, 3), np.uint8), borderValue=0) == 0
     cut = np.zeros(count, np.bool_)
     cut[labels[rim]] = True
