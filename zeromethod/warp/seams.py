@@ -58,7 +58,7 @@ class SeamMap:
         return None if optics.rig.prism.teeth is None else cls(optics, grid)
 
     def touched(self, slope_x: Float, depth_mm: Float | float = 0.0) -> Mask:
-        """Nodes (rows, cols) whose window touches a seam at a mirror of this slope along x, rad, and depth."""
+        """Nodes (rows, cols) whose window touches a seam of a mirror that slopes so along x, rad, so deep."""
         valley, tip = (per_rad * slope_x + self._deeper_px * depth_mm for per_rad in self._moves_px)
         after_px = self._after_px + np.minimum(valley, tip)
         before_px = self._before_px - np.maximum(valley, tip)
