@@ -110,7 +110,7 @@ class Session:
             share = float(np.mean(usable_nodes(self._optics, self._grid, AT_REST)[self._grid.inner]))
             self.result = RunResult(self.rig, self.loop.gl_renderer, share, self.loop.rest, self._truth)
             self.recording = RunRecording(record, self.rig, self.loop, fine)
-            stack.callback(self._end_recording)
+            stack.callback(self.recording.end, self.result)
             self._surfaces = Surfaces(self.rig, self._optics, self._grid)
             self._fine = FineReadings(self.rig, self._optics, self._grid, self._truth) if fine else None
             self._contacts = finder_of(self.rig, self._optics, self._grid)
@@ -284,11 +284,6 @@ class Session:
         if self.loop.ended is not None:
             reading.post(self.loop.ended)
             self.recording.add_step(replace(self.loop.ended, calls=self._taken_calls()))
-
-    def _end_recording(self) -> None:
-        """Write what waits still; what was lost stands in the result."""
-        self.recording.close()
-        self.result.recording_trouble, self.result.recording_lost = self.recording.trouble
 
     def _begin(self, step: Step) -> None:
         """Take dirt off one step's warp, and begin to read it."""
