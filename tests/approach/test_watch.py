@@ -2,7 +2,7 @@ import threading
 
 from watched import RIG
 
-from zeromethod.approach import Watch, Watching
+from zeromethod.approach import Watch, Watching, WatchReader
 from zeromethod.clock import HostClock, SimulatedClock
 from zeromethod.devices.protocols import CameraTimeout
 from zeromethod.devices.watch import watch_opener
@@ -66,3 +66,13 @@ def test_a_camera_that_hangs_or_lies_keeps_nobody_waiting():
             clock.sleep_until_ns(clock.now_ns() + 20_000_000)
         ended.set()
         watch.close()
+
+
+def test_a_frame_that_cannot_be_read_does_not_end_the_run(monkeypatch):
+    def failing(reader, image, time_ns):
+        raise ZeroDivisionError("float division by zero")
+
+    monkeypatch.setattr(WatchReader, "take", failing)
+    found, notes = looked("none", 0.0)
+    assert found[-1] is Watching.BLIND
+    assert "ZeroDivisionError" in notes[0]

@@ -27,6 +27,7 @@ def test_a_press_is_nulled_read_recorded_and_drawn(tmp_path):
     assert (code, err) == (0, "")
     assert out.startswith("rig 'simulated' is simulated: real devices are named by --display and --camera\n")
     assert "peak depth read" in out
+    assert "residual in the hold" in out
     assert f"recorded in {path} (" in out
     assert "not kept" not in out
     figures = json.loads(summary.read_text())
@@ -45,6 +46,13 @@ def test_a_press_is_nulled_read_recorded_and_drawn(tmp_path):
         # the summary's peak is the median over the nulled frames of the hold
         assert min(in_hold) <= figures["depth_peak_mm"] <= max(in_hold)
         assert recording.image(int(frames["number"][3])).shape == (256, 320)
+
+
+def test_a_run_that_ends_before_its_hold_does_not_speak_of_one(tmp_path):
+    code, out, _err = run("run --scenario step --frames 5 --rig", small_rig(tmp_path))
+    assert code == 0
+    assert "residual in the run" in out
+    assert "hold" not in out
 
 
 ANNOUNCING_CAMERA = """

@@ -29,7 +29,7 @@ class Watch:
         """Open the camera; raises InputError as that does, and for a rig that sees nothing by it."""
         assert rig.watch is not None
         self._reader = WatchReader(rig)
-        self._clock, self._open = clock, open_camera
+        self._rig, self._clock, self._open = rig, clock, open_camera
         self._camera: Camera | None = open_camera()
         self._stalled_s = max(STALLED_S, 10.0 / rig.watch.rate_hz)
         self._frame_ns = self._tried_ns = clock.now_ns()
@@ -96,7 +96,12 @@ class Watch:
             self._camera, self._tried_ns = None, now_ns
             return self._lost(now_ns, error)
         self._frame_ns = now_ns
-        return self._reader.take(frame.image, frame.time_ns)
+        try:
+            return self._reader.take(frame.image, frame.time_ns)
+        except Exception as error:  # nor on what is read from it
+            self._reader = WatchReader(self._rig)
+            words = f"{type(error).__name__}: {error}"
+            return Approach(watching=Watching.BLIND, time_ns=frame.time_ns, reason=words)
 
     def _reopened(self, now_ns: int) -> Approach | None:
         if now_ns - self._tried_ns < 1e9 * REOPEN_S:

@@ -160,7 +160,8 @@ def summarise(result: RunResult) -> Figures:
     check_type("summarise: result", result, RunResult, "the result of a session")
     records = result.records
     # The figures of a hold are those of its nulled frames; a hold that was never nulled says so by None.
-    held = [record for record in records if record.phase == "hold"] or records
+    hold = [record for record in records if record.phase == "hold"]
+    held = hold or records
     nulled = [record for record in held if record.state in NULLED]
     read = [record for record in held if record.state in READ]
     last, unheld = result.last, not_nulled(records)
@@ -183,6 +184,7 @@ def summarise(result: RunResult) -> Figures:
         "stability_margin": result.margin.margin if result.margin else None,
         "state": str(result.state),
         "reason": last.reason if last else "",
+        "figures_of": "hold" if hold else "run",
         "nulled_frames": len(nulled),
         "not_nulled": unheld,
         "not_nulled_reason": "" if unheld is None else _last_reason(held),

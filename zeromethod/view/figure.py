@@ -111,17 +111,17 @@ def _say(axis: Axes, words: str) -> None:
 def _camera_row(axes: Image, result: RunResult, grid: NodeGrid) -> None:
     extent = _crop(result.nulled, grid)
     columns, rows = slice(*extent[:2]), slice(*extent[2:])
-    for axis, name, step in zip(
-        axes,
-        ("before", "pressed", result.rig.control.reads),
-        (result.before, result.pressed, result.nulled),
-        strict=False,
-    ):
-        if step is None or step.image is None:
+    steps = (result.before, result.pressed, result.nulled)
+    parts = [None if one is None or one.image is None else one.image[rows, columns] for one in steps]
+    # one scale of grey for all, so that a darker frame looks darker
+    white = max((int(part.max()) for part in parts if part is not None), default=1)
+    names = ("before", "pressed", result.rig.control.reads)
+    for axis, name, step, part in zip(axes, names, steps, parts, strict=False):
+        if step is None or part is None:
             _say(axis, f"no frame {name}" if result.nulled else _why_nothing(result))
             continue
-        part = step.image[rows, columns]
-        axis.imshow(part, cmap="gray", vmin=0, extent=(extent[0], extent[1], extent[3], extent[2]))
+        left, right, top, bottom = extent
+        axis.imshow(part, cmap="gray", vmin=0, vmax=white, extent=(left, right, bottom, top))
         labelled(axis, f"camera, {name} ({step.time_s:.2f} s)", "u, camera px", "v, camera px")
 
 

@@ -131,12 +131,13 @@ def _contact_rows(label: str, contacts: Sequence[Figures] | None) -> list[tuple[
 def summary_table(figures: Figures) -> Table:
     """Table of the figures of a run that were measured; rows without a value are left out."""
     rows: list[tuple[str, str]] = []
-    passive = {LOOP_MS[False]: LOOP_MS[True]} if figures["controller"] == "passive" else {}
+    named = {LOOP_MS[False]: LOOP_MS[True]} if figures["controller"] == "passive" else {}
+    of = "the hold" if figures["figures_of"] == "hold" else "the run"
     for label, keys, pattern in _ROWS:
         values = [_look_up(figures, key) for key in keys]
         words = pattern.format(*values) if None not in values else ""
         if words and not (label == _DEEPEST and words == rows[-1][1]):
-            rows.append((passive.get(label, label), words))
+            rows.append((named.get(label, label.replace("the hold", of)), words))
     for one in figures.get("approaches") or ():
         when = f"armed at {one['armed_s']:.2f} s, touch expected at {one['contact_s']:.2f} s"
         rows.append(("approach", f"{when}, ({one['x_mm']:.1f}, {one['y_mm']:.1f}) mm"))
