@@ -42,7 +42,6 @@ class FramedMirror:
         # an image's own coordinate runs backwards: its slope has the other sign again
         return (both * depth).sum(0), (signs[:, 1] * by_x).sum(0), (signs[:, 0] * by_y).sum(0)
 
-
     def peak(self, x: Float, y: Float) -> float:
         """Depth where |depth| is greatest, near points of a grid x (n,), y (m,), mm."""
         for _ in range(2):
