@@ -35,7 +35,7 @@ from zeromethod.cli.recording_options import RecordingOptions, recording_options
 from zeromethod.cli.starting import Starting
 from zeromethod.cli.stopping import stopped_by_signals
 from zeromethod.devices.abilities import exposure_setter_of
-from zeromethod.devices.addresses import with_watch_camera
+from zeromethod.devices.addresses import with_projector, with_watch_camera
 from zeromethod.devices.opening import open_devices
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.light_array.rig import load_light_array
@@ -88,6 +88,12 @@ def _address(ctx: click.Context, param: click.Parameter, value: str | None) -> s
     help="The rig's second camera, which sees what comes: as for --camera.",
 )
 @click.option(
+    "--project",
+    type=Whole(min=0),
+    metavar="N",
+    help="Monitor that is the rig's projector: see `devices`.",
+)
+@click.option(
     "--publish", metavar="ADDRESS", callback=_address, help="Publish every reading: tcp://127.0.0.1:5556."
 )
 @recording_options
@@ -128,6 +134,7 @@ def run_command(
     strips: bool | None,
     latency_s: float | None,
     watch_address: str | None,
+    project: int | None,
     publish: str | None,
     view: str | None,
     control: str | None,
@@ -170,7 +177,7 @@ def run_command(
         _check_passive(by, given_options(click.get_current_context()))
         if options.address is not None and options.monitor is None:
             rig = without_display(rig)
-    rig = with_watch_camera(rig, watch_address)
+    rig = with_projector(with_watch_camera(rig, watch_address), project, real=options.monitor is not None)
     if simulate:
         if given := (*options.given, *(["--watch-camera"] if watch_address else [])):
             raise InputError(f"--simulate and {given[0]}: give one of them, not both")

@@ -7,6 +7,7 @@ from zeromethod.contact.lamp import Lamp
 from zeromethod.contact.polygon import closed, evenly
 from zeromethod.contact.pressure import PressureMap, pressure_map
 from zeromethod.contact.stripes import Stripes, stripes
+from zeromethod.contact.threads import ThreadFinder, finder_of
 
 __all__ = [
     "Contact",
@@ -18,9 +19,11 @@ __all__ = [
     "PressureMap",
     "Probability",
     "Stripes",
+    "ThreadFinder",
     "TotalForce",
     "closed",
     "evenly",
+    "finder_of",
     "pressure_map",
     "stripes",
 ]

@@ -58,6 +58,8 @@ class ContactFinder:
         self._shadows = Shadows(optics, _blur_px(rig), self._regions.noise)
         self._places = MirrorPlaces(optics, grid)
         self._track = ContactTrack()
+        self.unnamed: tuple[Contact, ...] = ()
+        """Of the last frame: contacts that press, but were not seen in a second one yet."""
         self._grid, self._black = grid, rig.camera.noise.black_grey
         for module in (flat, outline, in_mm, shadow):
             module.compile_ahead()

@@ -10,6 +10,7 @@ from zeromethod.arrays import Float, Image
 from zeromethod.contact import Contact, ContactFigures
 from zeromethod.exposure.target_phase import TargetPhase
 from zeromethod.fine.surface import FineSurface
+from zeromethod.interactive.pointers import PointerEvent
 from zeromethod.loop.call import Call
 from zeromethod.loop.drawing import Drawn
 from zeromethod.loop.events import Event
@@ -43,6 +44,7 @@ class StepFigures:
     touching: what touches the mirror in this frame, where it was read. total_force_n: sum of their forces, N,
     with its standard deviation; NaN where none is known.
     approach: what a watch camera sees come; None for a rig without one, and for the step that ends a run.
+    pointers: what fingers did, by the newest reading, on an interactive surface.
     truth: the reading compared with the true mirror of a simulated bench.
     untouched_rms_nm: rms depth (single frame, controller's filter) while nothing touches a simulated bench.
     """
@@ -75,6 +77,7 @@ class StepFigures:
     total_force_n: float = NAN
     sigma_total_force_n: float = NAN
     approach: Approach | None = None
+    pointers: tuple[PointerEvent, ...] = ()
     truth: Comparison | None = None
     untouched_rms_nm: tuple[float, float] | None = None
 

@@ -235,7 +235,8 @@ class PriorSpec(Table):
     along each axis, its direction either way, its roll, its focal length (or pixel size) in percent, one
     focal length against the other in percent, its principal point, the distortion k1. Of the prism: its
     index, the pattern face's angle, the camera face's less that one, the length; of a curved mirror its
-    radius in percent, its centre along x and y, a cylinder's axis.
+    radius in percent, its centre along x and y, a cylinder's axis. Of a saw the rubber above all valleys, and
+    what single teeth have besides: of that, and of each face's angle.
     """
 
     display_along_mm: NotNegative = 1.2
@@ -257,6 +258,9 @@ class PriorSpec(Table):
     rest_radius_percent: NotNegative = 1.0
     rest_centre_mm: NotNegative = 0.3
     rest_axis_deg: NotNegative = 0.3
+    teeth_base_mm: NotNegative = 0.05
+    tooth_base_mm: NotNegative = 0.02
+    tooth_angle_deg: NotNegative = 0.1
 
 
 MARK_HALF_PX = 16
