@@ -6,6 +6,7 @@ import enum
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -39,6 +40,8 @@ class PointerEvent:
 
     Attributes
     ----------
+    number : int
+        Events of the run so far, this one included.
     type : PointerType
         Down, move, up, or cancel: it is not known any more where it is, for the `reason` given.
     pointer_id : int
@@ -59,6 +62,7 @@ class PointerEvent:
         Whether no other finger was down when it came.
     """
 
+    number: int
     type: PointerType
     pointer_id: int
     time_ns: int
@@ -95,7 +99,12 @@ class PointerEvent:
             "sigma_force_n": self.sigma_force_n,
         }
         known = {name: value if math.isfinite(value) else None for name, value in numbers.items()}
-        said = {"type": self.type.value, "pointerId": self.pointer_id, "pointerType": "touch"}
+        said = {
+            "number": self.number,
+            "type": self.type.value,
+            "pointerId": self.pointer_id,
+            "pointerType": "touch",
+        }
         return said | {"isPrimary": self.is_primary, "time_ns": self.time_ns, "reason": self.reason} | known
 
 
@@ -115,6 +124,7 @@ class Pointers:
         self._down: dict[int, _Down] = {}
         self._ended: set[int] = set()
         self._read_ns: int | None = None
+        self._numbers = count(1)
 
     @property
     def down(self) -> tuple[PointerEvent, ...]:
@@ -136,14 +146,15 @@ class Pointers:
                 continue
             if number not in self._down:
                 event = self._event(PointerType.DOWN, contact, time_ns, is_primary=not self._down)
+                event = replace(event, number=next(self._numbers))
                 self._down[number] = _Down(event)
                 events.append(event)
                 continue
             down = self._down[number]
             event = self._event(PointerType.MOVE, contact, time_ns, is_primary=down.said.is_primary)
             if _differs(event, down.said):
-                down.said = event
-                events.append(event)
+                down.said = replace(event, number=next(self._numbers))
+                events.append(down.said)
         return tuple(events)
 
     def unread(self, time_ns: int, unknown: str = "") -> tuple[PointerEvent, ...]:
@@ -157,9 +168,8 @@ class Pointers:
 
     def _end(self, number: int, kind: PointerType, time_ns: int, reason: str = "") -> PointerEvent:
         said = self._down.pop(number).said
-        return replace(
-            said, type=kind, time_ns=time_ns, pressure=0.0, force_n=0.0, sigma_force_n=0.0, reason=reason
-        )
+        ended = replace(said, number=next(self._numbers), type=kind, time_ns=time_ns, reason=reason)
+        return replace(ended, pressure=0.0, force_n=0.0, sigma_force_n=0.0)
 
     def _event(
         self, kind: PointerType, contact: ContactFigures, time_ns: int, *, is_primary: bool
@@ -175,6 +185,7 @@ class Pointers:
         wide, high = _extent(contact, per_mm)
         pressure = contact.force_n / self._spec.full_force_n
         return PointerEvent(
+            number=0,
             type=kind,
             pointer_id=contact.id,
             time_ns=time_ns,

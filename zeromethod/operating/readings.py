@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from zeromethod.approach import Approach, Watching
+from zeromethod.interactive.pointers import PointerEvent
 from zeromethod.loop.state import State
 from zeromethod.loop.step import Step
 from zeromethod.operating.advice import ADVICE, FRESH, LATE_S, doubt_of
@@ -33,6 +34,9 @@ HISTORY = (
 
 _KEPT_ROWS = 4096
 """Rows that wait to be taken; older ones are left out where nobody takes them."""
+
+_KEPT_POINTERS = 64
+"""Pointer events that are repeated, so that whoever skips values misses none."""
 
 
 def history_row(values: dict[str, Any]) -> tuple[float | int | None, ...]:
@@ -89,6 +93,7 @@ class Readings:
             )
         )
         self._peak |= {"contacts": [], "force_normal_n": None, "force_normal_sigma_n": None}
+        self._pointers: deque[PointerEvent] = deque(maxlen=_KEPT_POINTERS)
         self._fine: dict[str, Any] = dict.fromkeys(("fine_peak_mm", "fine_peak_sigma_mm", "fine_time_s"))
         self._spoiled, self._zero = Spoiled(), session.loop.zero
         self._frame: dict[str, Any] = {"frame": None, "exposure_ms": None, "delay_ms": None}
@@ -122,6 +127,7 @@ class Readings:
                 "exposure_ms": number(1e-6 * step.exposure_ns),
                 "delay_ms": number(step.delay_ms) or self._frame["delay_ms"],
             }
+        self._pointers.extend(step.pointers)
         values = self._newest = self._values(step)
         self._rows.append(history_row(values))
         before = self._lasting.shown
@@ -196,6 +202,7 @@ class Readings:
             **self._peak,
             **self._frame,
             **approach_values(None if step is None else step.approach),
+            "pointers": [event.as_browsers_have_it for event in self._pointers],
             "advice": ADVICE[state],
             "fresh": state in FRESH and (late_s or 0.0) <= LATE_S,
             "doubt": doubt,

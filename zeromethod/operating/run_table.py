@@ -94,6 +94,11 @@ VALUES = (
         "list",
         "what touches: id, x_mm, y_mm, area_mm2, major_mm, minor_mm, angle_deg, depth_mm, force_n",
     ),
+    Quantity(
+        "pointers",
+        "list",
+        "last pointer events of an interactive surface, as browsers have them: number, type, pointerId, x, y",
+    ),
     Quantity("approach", "text", "what the watch camera sees come; empty for a rig without one"),
     _number("contact_s", "time until it touches, from its frame; null: nothing comes", "s"),
     _number("contact_sigma_s", "standard deviation of contact_s", "s", 0),

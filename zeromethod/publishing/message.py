@@ -17,6 +17,7 @@ import numpy as np
 from zeromethod.approach import Approach
 from zeromethod.arrays import Image
 from zeromethod.contact import Contact
+from zeromethod.interactive.pointers import PointerEvent
 from zeromethod.loop.step import Step
 from zeromethod.publishing.events import ContactEvent
 from zeromethod.rubbing import ContactStatus
@@ -58,6 +59,7 @@ def encode(
     unix_time_ns: int,
     touching: bool,
     contacts: Iterable[ContactEvent],
+    pointers: Iterable[PointerEvent] = (),
 ) -> bytes:
     """Message of one step of the loop; without a surface it has no maps."""
     maps: list[Image] = []
@@ -89,6 +91,7 @@ def encode(
         "total_force_n": _number(step.total_force_n),
         "sigma_total_force_n": _number(step.sigma_total_force_n),
         "contact_status": None if step.contact_status is None else _numbers(step.contact_status),
+        "pointers": [event.as_browsers_have_it for event in pointers],
         "approach": None if step.approach is None else _numbers(step.approach),
         "arrays": described,
     }

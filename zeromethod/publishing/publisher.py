@@ -12,6 +12,7 @@ from typing import Any
 
 from zeromethod.clock import Clock
 from zeromethod.errors import InputError
+from zeromethod.interactive.pointers import PointerEvent
 from zeromethod.loop.step import Step
 from zeromethod.publishing.events import ContactEvent, ContactWatch
 from zeromethod.publishing.message import encode
@@ -21,6 +22,8 @@ _LAST_PORT = 65535
 _ALLOWED = "tcp://HOST:PORT with a free port, such as tcp://127.0.0.1:5556 (tcp://*:5556: from anywhere)"
 _CONTACTS = 16
 """Contact events that every message repeats, so that a subscriber that skips messages misses none."""
+_POINTERS = 64
+"""The same of pointer events: some frames' of five fingers."""
 _SEND_BUFFER_BYTES = 1 << 19
 """Kernel buffer per subscriber: about one message, or a slow line would always be late."""
 _LEAVING_S = 0.5
@@ -53,6 +56,7 @@ class Publisher(AbstractContextManager["Publisher"]):
         self._session = uuid.uuid4().hex
         self._watch = ContactWatch()
         self._contacts: deque[ContactEvent] = deque(maxlen=_CONTACTS)
+        self._pointers: deque[PointerEvent] = deque(maxlen=_POINTERS)
         self._context: Any = zmq.Context()
         self._socket: Any = self._context.socket(zmq.PUB)
         self._published = False
@@ -78,6 +82,7 @@ class Publisher(AbstractContextManager["Publisher"]):
             event = self._watch.update(step.surface, step.peak)
             if event is not None:
                 self._contacts.append(event)
+        self._pointers.extend(step.pointers)
         # The run's clock need not be the host's, nor run as fast: only a frame's age is taken from it.
         age_ns = self._clock.now_ns() - step.time_ns
         message = encode(
@@ -86,6 +91,7 @@ class Publisher(AbstractContextManager["Publisher"]):
             unix_time_ns=time.time_ns() - age_ns,
             touching=self._watch.touching,
             contacts=self._contacts,
+            pointers=self._pointers,
         )
         self._socket.send(message)
         self._published = True

@@ -35,9 +35,10 @@ KINDS = {
     "notes": ("note", "notes"),
     "approaches": ("row of what comes", "rows of what comes"),
     "contact_status": ("contact status's row", "contact status's rows"),
+    "pointers": ("pointer event's row", "pointer events' rows"),
     "calls": ("call's row", "calls' rows"),
 }
-"""Words for one item of a group, and for several; the last nine are tables alone."""
+"""Words for one item of a group, and for several; the last ten are tables alone."""
 
 
 _ROUGH, _SIGMAS = 0.5, 5.0

@@ -10,6 +10,7 @@ import numpy as np
 
 from zeromethod.arrays import Float, Image
 from zeromethod.contact import Contact, evenly
+from zeromethod.interactive.pointers import PointerEvent
 from zeromethod.loop.call import Call
 from zeromethod.loop.drawing import Drawn
 from zeromethod.loop.step import Step
@@ -102,6 +103,7 @@ class Rows:
             self._watched_ns = step.approach.time_ns
             own = {"step": number, "watching": str(step.approach.watching)}
             rows.append(self._row("approaches/table", *self._fields("approaches/table", own, step.approach)))
+        rows += [self._pointer(number, event) for event in step.pointers]
         if status_note is not None:
             rows.append(self.note(status_note))
         rows += self._drops(waiting)
@@ -197,6 +199,11 @@ class Rows:
             else next(getattr(one, field) for one in sources if hasattr(one, field))
             for field in self._parts[name].dtype.names or ()
         ]
+
+    def _pointer(self, number: int, event: PointerEvent) -> Item:
+        words = text(event.reason, self._parts["pointers/table"], "reason")
+        own = {"step": number, "type": str(event.type), "reason": words}
+        return self._row("pointers/table", *self._fields("pointers/table", own, event))
 
     def _step(self, step: Step) -> Item:
         own = {

@@ -223,6 +223,28 @@ CONTACT_STATUS: Fields = {
     "reason": ("S160", "", "why what is NaN is not known"),
 }
 
+POINTERS: Fields = {
+    "step": ("i8", "", "step that it was newest in"),
+    "time_ns": ("i8", "ns", "mid-exposure of the frame that says so; of a cancel, time of its step"),
+    "number": ("i8", "", "events of the run so far, this one included"),
+    "type": ("S16", "", "pointerdown, pointermove, pointerup or pointercancel"),
+    "pointer_id": ("i4", "", "the same from down to up or cancel: the contact's"),
+    "is_primary": ("?", "", "no other finger was down when it came"),
+    "x_mm": ("f8", "mm", "world x of the finger"),
+    "y_mm": ("f8", "mm", "world y of it"),
+    "sigma_x_mm": ("f8", "mm", "standard deviation of x_mm"),
+    "sigma_y_mm": ("f8", "mm", "standard deviation of y_mm"),
+    "x_px": ("f8", "projector px", "column of the projector's picture"),
+    "y_px": ("f8", "projector px", "row of it"),
+    "sigma_px": ("f8", "projector px", "standard deviation of x_px and y_px"),
+    "width_px": ("f8", "projector px", "extent of the contact along the picture's columns"),
+    "height_px": ("f8", "projector px", "extent of the contact along its rows"),
+    "pressure": ("f8", "", "0 to 1: force over projector.full_force_n"),
+    "force_n": ("f8", "N", "force; NaN: not known"),
+    "sigma_force_n": ("f8", "N", "standard deviation of force_n"),
+    "reason": ("S160", "", "why a pointer was cancelled"),
+}
+
 READINGS: Fields = {
     "time_ns": ("i8", "ns", "mid-exposure of the frame that it was read from"),
     "iterations": ("i4", "", "ray-surface intersections taken until depth settled"),
@@ -263,10 +285,13 @@ TABLES: Mapping[str, tuple[Fields, str]] = {
         CONTACT_STATUS,
         "how a texture rubs along the mirror, one row per frame that was read",
     ),
+    "pointers": (POINTERS, "what fingers do on an interactive surface, one row per pointer event"),
     "calls": (CALLS, "methods that a person or a program called during the run"),
 }
 
-LATER = frozenset({"contacts", "contact_images", "fine_peaks", "approaches", "contact_status", "calls"})
+LATER = frozenset(
+    {"contacts", "contact_images", "fine_peaks", "approaches", "contact_status", "pointers", "calls"}
+)
 """Tables that files of this format may lack."""
 
 _WHY = "why a node is not to be trusted: bits named in the attribute `flags`; 0 = valid"

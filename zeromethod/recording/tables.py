@@ -18,6 +18,7 @@ from zeromethod.recording.schema import (
     CONTACTS,
     EVENTS,
     FINE_PEAKS,
+    POINTERS,
     STATES,
     AnchorMode,
     row_dtype,
@@ -99,6 +100,12 @@ class Tables:
         if "contact_status/table" not in self._source.names:
             return np.zeros(0, row_dtype(CONTACT_STATUS))
         return self.rows("contact_status")
+
+    def pointers(self) -> Image:
+        """Rows of the table of pointer events; none where the file has no such table."""
+        if "pointers/table" not in self._source.names:
+            return np.zeros(0, row_dtype(POINTERS))
+        return self.rows("pointers")
 
     def calls(self) -> Image:
         """Rows of the table of calls; none where the file has no such table."""

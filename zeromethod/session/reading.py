@@ -124,7 +124,7 @@ def with_reading(step: Step, read: Step | None) -> Step:
     if read is None:
         return step
     if read.number == step.number:
-        return replace(read, notes=step.notes)
+        return replace(read, notes=step.notes, pointers=step.pointers)
     return replace(
         step,
         surface=read.surface,

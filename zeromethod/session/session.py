@@ -239,12 +239,11 @@ class Session:
                     step = replace(each, phase=self._phase(each.time_ns), readable=is_readable(each))
                     reading.post(step if step.readable else replace(step, measured=None))
                     self.recording.poll()
-                    step = replace(step, calls=self._taken_calls())
+                    step = self.interaction.drive(replace(step, calls=self._taken_calls()))
                     self.recording.add_step(step)
                     step = replace(step, notes=step.notes + self._notes())
                     self.result.add(step.figures)
-                    read = self.interaction.drive(with_reading(step, self._collect(reading)))
-                    yield self._with_fine(step, read)
+                    yield self._with_fine(step, with_reading(step, self._collect(reading)))
             except KeyboardInterrupt:
                 self.result.interrupted = True
 
@@ -283,7 +282,8 @@ class Session:
         self.result.dropped_refreshes = dropped_refreshes_of(self._devices.display)
         if self.loop.ended is not None:
             reading.post(self.loop.ended)
-            self.recording.add_step(replace(self.loop.ended, calls=self._taken_calls()))
+            ended = replace(self.loop.ended, calls=self._taken_calls())
+            self.recording.add_step(self.interaction.drive(ended))
 
     def _begin(self, step: Step) -> None:
         """Take dirt off one step's warp, and begin to read it."""
