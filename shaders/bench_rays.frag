@@ -5,7 +5,9 @@
 // LCD. Lengths in mm from the mirror's middle, which keeps float32 to a few 1e-6 mm.
 // GHOST 0: the main ray. 1: reflected again by the LCD's glass and the near side of its gap. 2: reflected
 // inside at the pattern face and at the camera face, so that it meets the mirror three times.
-// SCATTERED: instead of all that, the light that objects in contact scatter where the pixel's ray meets the mirror.
+// SCATTERED 1: instead of all that, (light that objects in contact scatter where the pixel's ray meets the mirror; with
+// CLOTH x, y of that place, and the share that comes from there of the light that a projector casts on the cloth).
+// 2: the last three where it meets the mirror again, sent back by pattern face and glass.
 // The rig's numbers are constants that the CPU writes, RIG: as uniforms they would be looked up for each pixel, and
 // on a CPU that costs more than all rays.
 //   camera_face_..., pattern_...: edge, along, normal, length of the faces
@@ -207,17 +209,33 @@ bool trace(vec2 pixel, out vec2 q, out float light) {
 #endif
 
 #if SCATTERED
-float scattered(vec2 pixel) {
+vec4 scattered(vec2 pixel) {
     vec3 from, at, direction, normal;
-    bool meets = camera_ray(pixel, from, direction) && enter_rubber(from, direction)
-        && meet_mirror(from, direction, at, normal) && on_mirror(at);
-    return meets ? touched(at.xy, per_gap(dot(direction, normal))).y : 0.0;
+    float light = 1.0;
+    bool meets = camera_ray(pixel, from, direction) && enter_rubber(from, direction);
+#if SCATTERED == 2
+    meets = meets && reflect_off_mirror(from, direction, light);
+    from += dot(pattern.edge - from, pattern.normal) / dot(direction, pattern.normal) * direction;
+    meets = meets && on_face(pattern, from);
+    direction = reflect(direction, pattern.normal);
+    light *= SENT_BACK;
+#endif
+    if (!meets || !meet_mirror(from, direction, at, normal) || !on_mirror(at)) {
+        return vec4(0.0);
+    }
+    float cosine = dot(direction, normal);
+    vec2 here = touched(at.xy, per_gap(cosine));
+#if CLOTH
+    float taken = 1.0 - here.x;
+    light *= THREADS_VIEW * taken + here.x * (1.0 - reflectance(cosine, direction, normal));
+#endif
+    return vec4(SCATTERED_VIEW * here.y, at.xy, light);
 }
 #endif
 
 void main() {
 #if SCATTERED
-    ray = vec4(SCATTERED_VIEW * scattered(floor(gl_FragCoord.xy)), 0.0, 0.0, 1.0);
+    ray = scattered(floor(gl_FragCoord.xy));
     return;
 #endif
     vec2 q;

@@ -5,7 +5,7 @@ from zeromethod import InputError, Optics, load_rig
 from zeromethod.calibration.parameters import PARAMETERS, Priors, build, describe
 
 
-@pytest.mark.parametrize("name", ["simulated", "paper", "virtual", "dome", "cylinder"])
+@pytest.mark.parametrize("name", ["simulated", "paper", "virtual", "dome", "cylinder", "thin"])
 def test_every_parameter_of_a_rig_comes_back_as_it_was_set(name):
     rig = load_rig(name)
     rng = np.random.default_rng(0)

@@ -53,6 +53,26 @@ def test_a_stall_is_held_and_ends():
     assert {State.RESTING, State.LOCKED} & set(states[first:])
 
 
+def test_arrays_that_start_again_and_count_from_0_are_followed_and_the_operator_told():
+    ended = ("--scenario", "none", "--end", 2800)
+    with stand_in("udp://127.0.0.1:0", *ended) as (first, address), LightSession(at(address, 20)) as session:
+        steps = session.run(600, None)
+        notes, states = [], []
+        while first.poll() is None:
+            next(steps)
+        with stand_in(address, "--scenario", "none"):
+            for step in steps:
+                notes += step.notes
+                states.append(step.state)
+        figures = session.figures
+    assert notes == ["the arrays started again: readings go on by what was measured before"]
+    assert states[-1] in {State.RESTING, State.LOCKED}
+    assert figures["events"]["arrays started again"] == 1
+    assert figures["events"]["readings lost"] >= 19  # those by which it was seen
+    assert "readings out of order" not in figures["events"]
+    assert 0 < session.last.time_s < 1  # the run's time goes on where it was
+
+
 @pytest.mark.parametrize("link", ["udp://127.0.0.1:0", "serial"])
 def test_arrays_that_die_end_the_run_with_a_reason(link):
     began = time.monotonic()

@@ -74,7 +74,7 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"camera.zoom": 1}, "camera.zoom: unknown key: known are driver, columns"),
     ({"camera.noise.read_gray": 1}, "camera.noise.read_gray: unknown key: did you mean read_grey?"),
     ({"pattern_layers[0].n": 2}, "pattern_layers[0].n: unknown key: known are index, thickness_mm"),
-    ({"other.a": 1, "prism": 3}, "other: unknown key: known are schema_version, name, prism"),
+    ({"foo.a": 1, "prism": 3}, "foo: unknown key: known are schema_version, name, prism"),
     # missing keys
     ({"prism.width_mm": None}, "prism.width_mm: missing: a number above 0"),
     ({"camera.look_at_mm": None}, "camera.look_at_mm: missing: a list of 3 numbers"),

@@ -37,9 +37,10 @@ def test_a_dent_on_or_beside_a_seam_is_read_as_deep_as_it_is(thin, sigma_mm, dep
     assert (np.abs(error) / surface.sigma_depth_mm)[surface.valid & surface.seam].max() < 4.0
 
 
-def test_no_step_is_left_across_a_seam(thin):
+@pytest.mark.parametrize(("depth_mm", "sigma_mm"), [(0.02, 5.0), (0.25, 8.0)])
+def test_no_step_is_left_across_a_seam(thin, depth_mm, sigma_mm):
     at = seam_mm(thin)
-    dent = Gauss(0.02, at + 6.0, 0.0, 5.0)
+    dent = Gauss(depth_mm, at + 6.0, 0.0, sigma_mm)
     surface = thin.reader.read(thin.warp(dent))
     error = surface.depth_mm - dent.depth(surface.x_mm, surface.y_mm)
     left, right = (

@@ -3,6 +3,7 @@ from .fitting import Fit, Term, fit
 from .measurements import Direct, Intrinsics, Measurement, MirrorEdge, RestPositions
 from .parameters import PARAMETERS, Parameter, Priors, build, describe
 from .presses import KnownBall, KnownPress, Presses, RestReading
+from .tooth_seams import ToothSeams
 from .uncertainty import Blend, Gain, gains, open_combinations
 from .verdict import CalibrationVerdict, judge
 
@@ -25,6 +26,7 @@ __all__ = [
     "RestPositions",
     "RestReading",
     "Term",
+    "ToothSeams",
     "build",
     "depth_error",
     "describe",

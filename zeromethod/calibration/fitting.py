@@ -24,6 +24,7 @@ import numpy as np
 from zeromethod.arrays import Float
 from zeromethod.calibration.measurements import Measurement, RestPositions
 from zeromethod.calibration.parameters import Priors
+from zeromethod.calibration.tooth_seams import ToothSeams
 from zeromethod.errors import MeasurementError
 from zeromethod.rig.model import Rig
 
@@ -137,6 +138,10 @@ def fit(
     advance("geometry from the rest map")
     start = np.zeros(len(priors.names))
     cheap = [o for o in measurements if not o.costly]
+    # The rays of nodes are known only once it is known on which teeth they fall.
+    marks = [o for o in cheap if isinstance(o, ToothSeams)]
+    if marks:
+        start = _descend(priors, _exact(priors, marks, start), start).z
     # The nodes well inside the mirror are known only once the mirror is.
     first = _descend(priors, _exact(priors, cheap, start), start)
     models = _exact(priors, cheap, first.z)

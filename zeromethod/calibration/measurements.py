@@ -10,8 +10,11 @@ import numpy as np
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.calibration.parameters import PARAMETERS, describe
-from zeromethod.calibration.rays import UnboundedOptics, mirror_point
+from zeromethod.calibration.rays import UnboundedOptics, mirror_point, tooth_phase
 from zeromethod.errors import InputError
+from zeromethod.optics import Optics
+from zeromethod.optics.saw_rays import seams
+from zeromethod.optics.teeth import Teeth
 from zeromethod.rig.model import Rig
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.warp import Warp
@@ -19,6 +22,8 @@ from zeromethod.warp.warp import Warp
 MARGIN_MM = 2.0
 """Nodes whose mirror point lies nearer to an edge of the mirror are left out: what they see is a chamfer or
 worse, and a candidate rig may put them beyond P0, where the lever changes its sign."""
+_SEAM_SHARE = 0.1
+"""Of a tooth: nodes nearer to a seam are left out, as a candidate rig may have them on the next tooth."""
 _MOST_NODES = 800
 _STEP_PX = 0.5
 _BLOCKS = 6
@@ -75,12 +80,14 @@ class SingleNumbers:
 class RestPositions(SingleNumbers):
     """The rest map: LCD positions that camera pixels see by the mirror at rest.
 
-    pixel: (m, 2) camera px. q: (m, 2) LCD px. sigma_q: (m, 2) LCD px. Numbers are column, row, column, ...
+    pixel: (m, 2) camera px. q: (m, 2) LCD px. sigma_q: (m, 2) LCD px. teeth: (m,) of a saw by
+    which their rays enter and leave. Numbers are column, row, column, ...
     """
 
     pixel: Float
     q: Float
     sigma_q: Float
+    teeth: tuple[Teeth, Teeth] | None = None
     group: ClassVar[int] = 2
     name: ClassVar[str] = "rest map"
     blind_to: ClassVar[frozenset[str]] = frozenset()
@@ -105,14 +112,16 @@ class RestPositions(SingleNumbers):
         return self.sigma_q.ravel()
 
     def prepared(self, rig: Rig) -> RestPositions:
-        """Nodes well inside the mirror, evenly thinned out to what a fit needs."""
-        inside = np.flatnonzero(well_inside(rig, self.pixel))
+        """Nodes well inside the mirror and off seams, evenly thinned out to what a fit needs."""
+        inside = np.flatnonzero(well_inside(rig, self.pixel) & off_seams(rig, self.pixel))
         chosen = inside[:: max(1, -(-len(inside) // _MOST_NODES))]
-        return replace(self, pixel=self.pixel[chosen], q=self.q[chosen], sigma_q=self.sigma_q[chosen])
+        pixel = self.pixel[chosen]
+        teeth = None if rig.prism.teeth is None else seams(Optics(rig), *pixel.T)[1:]
+        return replace(self, pixel=pixel, q=self.q[chosen], sigma_q=self.sigma_q[chosen], teeth=teeth)
 
     def predict(self, rig: Rig) -> Float:
         """(2 m,) LCD px by the exact rays."""
-        return UnboundedOptics(rig).rest_map(self.pixel[:, 0], self.pixel[:, 1]).ravel()
+        return UnboundedOptics(rig, self.teeth).rest_map(self.pixel[:, 0], self.pixel[:, 1]).ravel()
 
     def inflated(self, factor: float) -> RestPositions:
         """The same with a larger sigma."""
@@ -146,6 +155,14 @@ def well_inside(rig: Rig, pixel: Float) -> Mask:
     with np.errstate(invalid="ignore"):
         inside = (x > MARGIN_MM) & (x < optics.length_mm - MARGIN_MM)
         return np.asarray(inside & (y < optics.prism.half_width_mm - MARGIN_MM))
+
+
+def off_seams(rig: Rig, pixel: Float) -> Mask:
+    """(...) whether camera pixels (..., 2) look well inside a tooth of a saw; all do of a prism."""
+    if rig.prism.teeth is None:
+        return np.ones(pixel.shape[:-1], bool)
+    away_px, pitch_px = tooth_phase(rig, pixel[..., 0], pixel[..., 1])
+    return np.asarray(np.abs(away_px) > _SEAM_SHARE * pitch_px)
 
 
 @dataclass(frozen=True, eq=False)

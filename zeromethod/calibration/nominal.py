@@ -8,6 +8,7 @@ from zeromethod.calibration.depth_modes import depth_error
 from zeromethod.calibration.fitting import Fit
 from zeromethod.calibration.parameters import Priors
 from zeromethod.calibration.presses import RestReading
+from zeromethod.calibration.rays import tooth_phase
 from zeromethod.rig.geometry import GeometrySpec
 from zeromethod.rig.model import Rig
 from zeromethod.warp.grid import NodeGrid
@@ -15,6 +16,8 @@ from zeromethod.warp.rest_map import RestMap
 
 _NODES = 32
 """Along the camera's shorter side, about: the derivatives bend over centimetres."""
+_TOOTH_NODES = 20
+"""Along a tooth of a saw, whose seams take some of them."""
 
 WHOLE = 1.0
 """Relative error of depth without a measured rest: a wrong geometry's rest reads as a dent of its own."""
@@ -26,7 +29,11 @@ def nominal_geometry(rig: Rig) -> GeometrySpec:
     Raises MeasurementError where too little of the mirror is seen.
     """
     camera = rig.camera
-    spacing = max(min(camera.columns, camera.rows) // _NODES, rig.target.period_px // 2)
+    spacing = min(camera.columns, camera.rows) // _NODES
+    if rig.prism.teeth is not None:
+        _, pitch_px = tooth_phase(rig, *(np.array([n / 2]) for n in (camera.columns, camera.rows)))
+        spacing = min(spacing, int(pitch_px[0] / _TOOTH_NODES))
+    spacing = max(spacing, rig.target.period_px // 2)
     period = min(2 * spacing, 64)
     coarse = rig.model_copy(
         update={

@@ -16,6 +16,7 @@ import numpy as np
 from zeromethod.arrays import Float
 from zeromethod.errors import InputError
 from zeromethod.rig.model import Rig
+from zeromethod.rig.prism_tables import MOST_TEETH, Teeth
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,9 +38,35 @@ class Parameter:
         """Standard deviation of the rig file's value, in the parameter's unit."""
         if not self.prior:
             return 0.0
+        if self.name in _OF_TEETH and rig.prism.teeth is not None:
+            tooth, key = _OF_TEETH[self.name]
+            given: tuple[float, ...] = getattr(rig.prism.teeth, key.replace("_deviation_", "_sigma_"))
+            if given:
+                return given[tooth]
         sigma: float = getattr(rig.priors, self.prior)
         return 0.01 * sigma if self.prior.endswith("_percent") else sigma
 
+
+_TOOTH = (
+    ("base_mm", "mm", "the rubber above tooth {}, less all teeth's", "tooth_base_mm", "base_deviation_mm"),
+    (
+        "pattern_deg",
+        "deg",
+        "tooth {}'s face to the LCD, less all teeth's angle",
+        "tooth_angle_deg",
+        "pattern_deviation_deg",
+    ),
+    (
+        "camera_deg",
+        "deg",
+        "tooth {}'s face to the camera, less all teeth's angle",
+        "tooth_angle_deg",
+        "camera_deviation_deg",
+    ),
+)
+"""Of every tooth: name, unit, words, prior, key of the rig's teeth."""
+_OF_TEETH = {f"tooth{k}.{one[0]}": (k, one[4]) for k in range(MOST_TEETH) for one in _TOOTH}
+"""Tooth and key of every parameter of a tooth."""
 
 PARAMETERS = {
     parameter.name: parameter
@@ -104,6 +131,12 @@ PARAMETERS = {
         Parameter("rest.x_mm", "mm", "the curved mirror's centre along x", "rest_centre_mm"),
         Parameter("rest.y_mm", "mm", "the curved mirror's centre along y", "rest_centre_mm"),
         Parameter("rest.axis_deg", "deg", "the direction of the mirror's cylinder", "rest_axis_deg"),
+        Parameter("teeth.base_mm", "mm", "the rubber between mirror and valleys", "teeth_base_mm", low=0.0),
+        *(
+            Parameter(f"tooth{k}.{name}", unit, words.format(k), prior, low=-1.0, high=1.0)
+            for k in range(MOST_TEETH)
+            for name, unit, words, prior, _ in _TOOTH
+        ),
     )
 }
 """Every parameter by name, in the order of a vector. Scales are 1 in the rig file itself."""
@@ -156,6 +189,11 @@ def describe(rig: Rig) -> dict[str, float]:
         values |= {"rest.scale": 1.0, "rest.x_mm": x_mm, "rest.y_mm": y_mm}
     if prism.rest.shape == "cylinder":
         values["rest.axis_deg"] = prism.rest.axis_deg
+    if prism.teeth is not None:
+        values["teeth.base_mm"] = prism.teeth.base_mm
+        for name, (tooth, key) in _OF_TEETH.items():
+            if tooth < prism.teeth.count:
+                values[name] = (getattr(prism.teeth, key) or (0.0,) * prism.teeth.count)[tooth]
     lens = {name for name, place in _PLACES.items() if place[1] == "distortion"}
     if camera.projection == "perspective":
         assert camera.focal_px is not None
@@ -197,6 +235,8 @@ def build(rig: Rig, values: Mapping[str, float]) -> Rig:
             "axis_deg": p.get("rest.axis_deg", 0.0),
         }
         prism["rest"] = rest.model_copy(update=curved)
+    if rig.prism.teeth is not None:
+        prism["teeth"] = _teeth(rig.prism.teeth, p)
     changed: dict[str, Any] = {
         table: getattr(rig, table).model_copy(update=update) for table, update in tables.items()
     }
@@ -204,6 +244,15 @@ def build(rig: Rig, values: Mapping[str, float]) -> Rig:
         gap = rig.pattern_layers[-1].model_copy(update={"thickness_mm": p["gap_mm"]})
         changed["pattern_layers"] = (*rig.pattern_layers[:-1], gap)
     return rig.model_copy(update=changed)
+
+
+def _teeth(teeth: Teeth, p: Mapping[str, float]) -> Teeth:
+    """Teeth with the parameters `p`."""
+    update: dict[str, Any] = {"base_mm": p["teeth.base_mm"]}
+    for name, _, _, _, key in _TOOTH:
+        values = tuple(float(p[f"tooth{k}.{name}"]) for k in range(teeth.count))
+        update[key] = values if any(values) else ()
+    return teeth.model_copy(update=update)
 
 
 @dataclass(frozen=True)

@@ -8,13 +8,15 @@ from typing import ClassVar
 
 import numpy as np
 
-from zeromethod.arrays import Float
-from zeromethod.calibration.measurements import well_inside
+from zeromethod.arrays import Float, Mask
+from zeromethod.calibration.measurements import off_seams, well_inside
 from zeromethod.calibration.parameters import PARAMETERS
-from zeromethod.calibration.rays import UnboundedOptics
+from zeromethod.calibration.rays import UnboundedOptics, teeth_seen
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.rig.model import Rig
+from zeromethod.rig.prism_tables import MOST_TEETH
 from zeromethod.surface import Peak, Surface, SurfaceReader, peak
+from zeromethod.warp.continuation import continue_smoothly
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.rest_pixels import RestGrid, rest_pixels
 from zeromethod.warp.warp import Warp
@@ -60,11 +62,14 @@ class RestReading:
 
     def prepared(self, rig: Rig) -> RestReading:
         """With the nodes fixed that lie well inside `rig`'s mirror, and its rays to start from."""
-        inside = well_inside(rig, np.stack(self.grid.mesh(), axis=-1))
-        known = inside & np.isfinite(self.q_rest).all(axis=-1)
-        q_rest = np.where(known[..., None], self.q_rest, np.nan)
         nodes = np.stack(self.grid.mesh(), axis=-1)
-        return replace(self, q_rest=q_rest, start=rest_pixels(UnboundedOptics(rig), nodes, q_rest))
+        inside = well_inside(rig, nodes)
+        known = inside & np.isfinite(self.q_rest).all(axis=-1)
+        if rig.prism.teeth is not None:
+            known &= off_seams(rig, nodes)
+        q_rest = np.where(known[..., None], self.q_rest, np.nan)
+        start = rest_pixels(UnboundedOptics(rig), nodes, q_rest)
+        return replace(self, q_rest=q_rest, start=np.where(inside[..., None], start, np.nan))
 
     def reader(self, rig: Rig, with_sigma: bool = True) -> SurfaceReader:
         """Reader of `rig` on these rays, where only depths count `with_sigma` off.
@@ -73,14 +78,25 @@ class RestReading:
         """
         optics = UnboundedOptics(rig)
         nodes = np.stack(self.grid.mesh(), axis=-1)
-        pixel = rest_pixels(optics, nodes if self.start is None else self.start, self.q_rest)
-        pixel = np.where(np.isfinite(self.q_rest), pixel, np.nan)
+        start = nodes if self.start is None else self.start
+        pixel = rest_pixels(optics, start, self.q_rest)
+        known: Mask = np.asarray(np.isfinite(self.q_rest).all(axis=-1))
+        if rig.prism.teeth is None:
+            pixel[~known] = np.nan
+        else:
+            # what a seam hides has rays, too, for slopes to be carried across: between its neighbours'
+            away = continue_smoothly(np.where(known[..., None], pixel - nodes, 0.0), known)
+            pixel = np.where(np.isfinite(start), nodes + away, np.nan)
         grid = RestGrid(image_shape=self.grid.image_shape, period_px=self.grid.period_px, pixels=pixel)
         return SurfaceReader(rig, optics, grid, with_sigma)
 
 
 def blind_to(rig: Rig) -> frozenset[str]:
     """Parameters that a reading on the measured rest's rays does not depend on."""
+    if rig.prism.teeth is not None:
+        unseen = set(range(MOST_TEETH)) - teeth_seen(rig)
+        far = frozenset(name for name in PARAMETERS if name.startswith(tuple(f"tooth{k}." for k in unseen)))
+        return far | blind_to(rig.model_copy(update={"prism": rig.prism.model_copy(update={"teeth": None})}))
     if rig.prism.rest.shape == "flat" and rig.camera.projection == "perspective":
         return _POINTING
     return frozenset(_POINTING | _PLACE) - {"camera.heading_deg", "camera.elevation_deg", "camera.roll_deg"}

@@ -35,7 +35,7 @@ from zeromethod.cli.recording_options import RecordingOptions, recording_options
 from zeromethod.cli.starting import Starting
 from zeromethod.cli.stopping import stopped_by_signals
 from zeromethod.devices.abilities import exposure_setter_of
-from zeromethod.devices.addresses import with_watch_camera
+from zeromethod.devices.addresses import with_projector, with_watch_camera
 from zeromethod.devices.opening import open_devices
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.light_array.rig import load_light_array
@@ -88,6 +88,12 @@ def _address(ctx: click.Context, param: click.Parameter, value: str | None) -> s
     help="The rig's second camera, which sees what comes: as for --camera.",
 )
 @click.option(
+    "--project",
+    type=Whole(min=0),
+    metavar="N",
+    help="Monitor that is the rig's projector: see `devices`.",
+)
+@click.option(
     "--publish", metavar="ADDRESS", callback=_address, help="Publish every reading: tcp://127.0.0.1:5556."
 )
 @recording_options
@@ -121,6 +127,11 @@ def _address(ctx: click.Context, param: click.Parameter, value: str | None) -> s
     is_flag=True,
     help="Read depth on every camera pixel, too, about twice a second; the target then moves.",
 )
+@click.option(
+    "--rubbing",
+    is_flag=True,
+    help="Read how cloth, brushes, pile or grains rub along the mirror: the contact status.",
+)
 @figure_option
 @summary_option
 def run_command(
@@ -128,6 +139,7 @@ def run_command(
     strips: bool | None,
     latency_s: float | None,
     watch_address: str | None,
+    project: int | None,
     publish: str | None,
     view: str | None,
     control: str | None,
@@ -144,6 +156,7 @@ def run_command(
     follow_bench: bool,
     burst: str | None,
     fine: bool,
+    rubbing: bool,
     figure: Path | None,
     summary: Path | None,
     **others: Any,
@@ -170,7 +183,7 @@ def run_command(
         _check_passive(by, given_options(click.get_current_context()))
         if options.address is not None and options.monitor is None:
             rig = without_display(rig)
-    rig = with_watch_camera(rig, watch_address)
+    rig = with_projector(with_watch_camera(rig, watch_address), project, real=options.monitor is not None)
     if simulate:
         if given := (*options.given, *(["--watch-camera"] if watch_address else [])):
             raise InputError(f"--simulate and {given[0]}: give one of them, not both")
@@ -186,6 +199,7 @@ def run_command(
             "strips": _STRIPS[strips],
             "follow_bench": follow_bench or None,
             "burst": burst,
+            "rubbing": rubbing or None,
         },
     )
     if fine:

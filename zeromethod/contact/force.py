@@ -54,7 +54,9 @@ class ForceReader:
         self.fit: ForceFit | None = None
         force_fit.compile_ahead()
 
-    def read(self, surface: Surface, contacts: Sequence[Contact]) -> tuple[tuple[Contact, ...], TotalForce]:
+    def read(
+        self, surface: Surface, contacts: Sequence[Contact], unnamed: Sequence[Contact] = ()
+    ) -> tuple[tuple[Contact, ...], TotalForce]:
         """The contacts with their forces and torques, and the sum; NaN where too little is read around them.
 
         Parameters
@@ -63,12 +65,15 @@ class ForceReader:
             As measured around the contacts.
         contacts : sequence of Contact
             What presses in that frame.
+        unnamed : sequence of Contact, optional
+            What presses, too, and has no name yet: else its dent would count as that of the others.
 
         Returns
         -------
         tuple of Contact, TotalForce
             The same contacts, in order.
         """
+        named, contacts = len(contacts), (*contacts, *unnamed)
         fit = self.fit
         if not contacts:
             fit = None
@@ -76,13 +81,13 @@ class ForceReader:
             fit = ForceFit.of(surface, contacts, self._yielding, self._overlap)
         self.fit = fit
         if fit is None or math.isnan(self._yielding.modulus_mpa):
-            return tuple(contacts), TotalForce()
+            return contacts[:named], TotalForce()
         arms = np.pi * self._yielding.modulus_mpa * fit.arms
         found = tuple(self._with(contact, fit, arm) for contact, arm in zip(contacts, arms, strict=True))
         total, sigma = _summed(fit, arms[:, 0].sum(axis=0)[None])
         middle = np.mean([(contact.x_mm, contact.y_mm) for contact in contacts], axis=0)
         pulls = (_PULLS * one.force_n for one in found if one.force_n < 0)
-        return found, TotalForce(
+        return found[:named], TotalForce(
             float(total[0]), math.hypot(sigma[0], self._open(*middle) * total[0], *pulls)
         )
 

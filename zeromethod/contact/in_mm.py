@@ -80,6 +80,12 @@ class MirrorPlaces:
         """(n, 2): how far a ray goes along x and y per mm of depth, at pixels (n, 2)."""
         return self._at(self._per_depth, points_px)
 
+    def beside(self, px: Float, known_px: Float, known_mm: Float) -> tuple[float, float]:
+        """Where a pixel (1, 2) next to one lies of which the place in mm is known."""
+        here, there = self._at(self._point, px)[0], self._at(self._point, known_px[None])[0]
+        x, y = here - there + known_mm
+        return float(x), float(y)
+
     def seen(self, points_px: Float, surface: Surface) -> Seen:
         """Where the border points (n, 2) px lie, at the depth that the nodes around say.
 

@@ -117,6 +117,16 @@ class RestPicture:
             lost |= dim & (cv2.dilate(lost.view(np.uint8), np.ones((9, 9), np.uint8)) == 0)
         return lost
 
+    def left(self, residual: Residual) -> Single:
+        """(rows, cols) mean amplitude of both carriers over that at rest; 1 where none was seen.
+
+        All light may drift: the median is 1.
+        """
+        seen = self._seen & (residual.flags & np.uint16(Flag.OUTSIDE | Flag.NO_RAY) == 0)
+        ratio = (residual.modulation / np.where(seen[..., None], self._amplitude, 1.0)).mean(axis=-1)
+        usual = float(np.median(ratio[seen])) if seen.any() else 1.0
+        return np.where(seen, ratio / max(usual, 1e-3), 1.0).astype(np.float32)
+
     def drift(self, residual: Residual) -> float:
         """Light of the nodes that are measured over theirs at rest."""
         few = slice(None, None, _DRIFT_EVERY), slice(None, None, _DRIFT_EVERY)

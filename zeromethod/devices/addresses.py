@@ -66,6 +66,21 @@ def with_watch_camera(rig: Rig, address: str | None) -> Rig:
     return _with_device(rig, "watch", rig.watch, {"driver": driver} | options)
 
 
+def with_projector(rig: Rig, monitor: int | None, *, real: bool) -> Rig:
+    """Rig whose projector is a monitor; as it is for None. real: the LCD is no simulated one.
+
+    Raises InputError (one line) for a rig without a projector.
+    """
+    if monitor is None:
+        return rig
+    if rig.projector is None:
+        raise InputError(
+            f"--project: {monitor}: rig {rig.name!r} has no table [projector]; allowed: with a rig that "
+            "says where a projector's picture falls (interactive)"
+        )
+    return rig.replace({"projector.monitor": monitor} | ({"projector.driver": "window"} if real else {}))
+
+
 def _with_device(rig: Rig, table: str, spec: CameraSpec, given: Mapping[str, Any]) -> Rig:
     own = (spec.model_extra or {}) if spec.driver == given["driver"] else {}
     try:

@@ -129,8 +129,8 @@ class LightSession:
         assert step.modes is not None
         assert step.peak is not None
         x, y, depth = self.loop.reader.depth_map(step.modes)
-        true = self._truth.true_mirror(step.time_ns).field(*np.meshgrid(x, y))[0]
-        peak = float(true.ravel()[np.argmax(np.abs(true))])
+        mirror = self._truth.true_mirror(step.time_ns)
+        true, peak = mirror.field(*np.meshgrid(x, y))[0], mirror.peak(x, y)
         error = step.peak.depth_mm - peak
         return error / peak, error / step.peak.sigma_mm, float(np.sqrt(np.mean((depth - true) ** 2)))
 

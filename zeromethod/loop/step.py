@@ -10,10 +10,12 @@ from zeromethod.arrays import Float, Image
 from zeromethod.contact import Contact, ContactFigures
 from zeromethod.exposure.target_phase import TargetPhase
 from zeromethod.fine.surface import FineSurface
+from zeromethod.interactive.pointers import PointerEvent
 from zeromethod.loop.call import Call
 from zeromethod.loop.drawing import Drawn
 from zeromethod.loop.events import Event
 from zeromethod.loop.state import State
+from zeromethod.rubbing import ContactStatus
 from zeromethod.sensing.residual import Residual
 from zeromethod.surface import Peak, Surface
 from zeromethod.surface.comparison import Comparison
@@ -42,7 +44,9 @@ class StepFigures:
     read and published, in real time; NaN in simulated time, which stands still meanwhile.
     touching: what touches the mirror in this frame, where it was read. total_force_n: sum of their forces, N,
     with its standard deviation; NaN where none is known.
+    contact_status: of a texture that rubs along the mirror; None where none does or `control.rubbing` is off.
     approach: what a watch camera sees come; None for a rig without one, and for the step that ends a run.
+    pointers: what fingers did, by the newest reading, on an interactive surface.
     truth: the reading compared with the true mirror of a simulated bench.
     untouched_rms_nm: rms depth (single frame, controller's filter) while nothing touches a simulated bench.
     """
@@ -74,7 +78,9 @@ class StepFigures:
     touching: tuple[ContactFigures, ...] = ()
     total_force_n: float = NAN
     sigma_total_force_n: float = NAN
+    contact_status: ContactStatus | None = None
     approach: Approach | None = None
+    pointers: tuple[PointerEvent, ...] = ()
     truth: Comparison | None = None
     untouched_rms_nm: tuple[float, float] | None = None
 

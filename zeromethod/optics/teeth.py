@@ -67,9 +67,21 @@ class Saw:
                 distances.append(np.where(on & (dot(direction, face.normal) < 0.0), distance, np.inf))
             nearest = np.min(distances, axis=0)
             tooth = np.argmin(distances, axis=0)
-            start = origin + np.where(np.isfinite(nearest), nearest, np.nan)[..., None] * direction
-            _, inside = through_slabs(direction, -self._camera.at(tooth).normal, 1.0, [], index)
-        return start, np.where(np.isnan(start), np.nan, inside), tooth
+            nearest = np.where(np.isfinite(nearest), nearest, np.nan)
+        return *self.entered(origin, direction, index, tooth, nearest), tooth
+
+    def entered(
+        self, origin: Float, direction: Float, index: float, tooth: Teeth, distance: Float | None = None
+    ) -> tuple[Float, Float]:
+        """Rays from air, (..., 3) each, in the rubber behind the plane of a tooth's (...) camera face."""
+        face = self._camera.at(tooth)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            distance = (
+                face.depth_below(origin) / dot(direction, face.normal) if distance is None else distance
+            )
+            start = origin + distance[..., None] * direction
+            _, inside = through_slabs(direction, -face.normal, 1.0, [], index)
+        return start, np.where(np.isnan(start), np.nan, inside)
 
     def exit_tooth(self, point: Float, outgoing: Float) -> tuple[Teeth, Mask]:
         """Tooth whose pattern face rays from the mirror leave by, and whether they meet it, or all but.

@@ -15,6 +15,7 @@ from pydantic import ValidationError, model_validator
 from zeromethod.errors import InputError, check_type
 from zeromethod.rig.device_tables import SIMULATED, CameraSpec, DisplaySpec, Noise, WatchSpec
 from zeromethod.rig.geometry import GeometrySpec
+from zeromethod.rig.interactive_tables import ClothSpec, ProjectorSpec
 from zeromethod.rig.keys import plain, set_value, value_at
 from zeromethod.rig.prism_tables import Layer, Prism, RestSurface
 from zeromethod.rig.refusal import RENAMED, first_refusal, refused, shown, unknown_key
@@ -37,6 +38,7 @@ __all__ = [
     "MARK_HALF_PX",
     "SIMULATED",
     "CameraSpec",
+    "ClothSpec",
     "ControlSpec",
     "DisplaySpec",
     "Faults",
@@ -47,6 +49,7 @@ __all__ = [
     "Noise",
     "PriorSpec",
     "Prism",
+    "ProjectorSpec",
     "RestSurface",
     "Rig",
     "Rubber",
@@ -75,6 +78,8 @@ class Rig(Table):
     display: DisplaySpec
     camera: CameraSpec
     watch: WatchSpec | None = None
+    cloth: ClothSpec | None = None
+    projector: ProjectorSpec | None = None
     target: TargetSpec = TargetSpec()
     light: LightSpec = LightSpec()
     control: ControlSpec = ControlSpec()
@@ -101,6 +106,11 @@ class Rig(Table):
         """
         return not self.light.by_mirror and self.prism.teeth is None
 
+    @property
+    def under_cloth(self) -> bool:
+        """Whether a cloth lies on the mirror, through which fingers press: simulated, or of a projector."""
+        return self.cloth is not None or self.projector is not None
+
     @model_validator(mode="after")
     def _lit(self) -> Rig:
         if self.light.by_mirror and not self.control.passive:
@@ -126,6 +136,16 @@ class Rig(Table):
                 raise refused(
                     f"simulation.{key}", share, "0 with prism.teeth: the way of rays has stray light"
                 )
+        return self
+
+    @model_validator(mode="after")
+    def _projected(self) -> Rig:
+        simulated = self.projector is not None and self.projector.driver == SIMULATED
+        if simulated and (self.cloth is None or self.display.driver != SIMULATED):
+            rule = "'window' without a table [cloth], or with another display than the simulated one"
+            raise refused("projector.driver", SIMULATED, rule)
+        if self.cloth is not None and (self.camera.pupil_mm > 0 or self.prism.teeth is not None):
+            raise refused("cloth", {}, "no table with camera.pupil_mm or prism.teeth: not simulated")
         return self
 
     @model_validator(mode="after")

@@ -10,6 +10,9 @@ from pydantic import Field, model_validator
 from zeromethod.rig.refusal import refused
 from zeromethod.rig.tables import Index, NotNegative, Positive, Table, Vector2
 
+MOST_TEETH = 40
+_ONE_EACH = "base_deviation_mm", "pattern_deviation_deg", "camera_deviation_deg"
+
 
 class Layer(Table):
     """One slab parallel to a prism face: plate, bond or air gap (index 1)."""
@@ -56,18 +59,22 @@ class Teeth(Table):
     """Teeth of a saw: `count` small prisms side by side under the mirror, tooth 0 at P0.
 
     `base_mm` of rubber lie between mirror and valleys; the prism's angles are the teeth's. Deviations of
-    single teeth from that, a number each: of the rubber above it, of its pattern and camera face's angle.
+    single teeth from that, a number each: of the rubber above it, of its pattern and camera face's angle; and
+    how well each of these is known, as standard deviations, where `[priors]` is not true of all.
     """
 
-    count: Annotated[int, Field(ge=1, le=40)]
+    count: Annotated[int, Field(ge=1, le=MOST_TEETH)]
     base_mm: NotNegative
     base_deviation_mm: tuple[float, ...] = ()
     pattern_deviation_deg: tuple[float, ...] = ()
     camera_deviation_deg: tuple[float, ...] = ()
+    base_sigma_mm: tuple[NotNegative, ...] = ()
+    pattern_sigma_deg: tuple[NotNegative, ...] = ()
+    camera_sigma_deg: tuple[NotNegative, ...] = ()
 
     @model_validator(mode="after")
     def _one_each(self) -> Teeth:
-        for key in ("base_deviation_mm", "pattern_deviation_deg", "camera_deviation_deg"):
+        for key in (*_ONE_EACH, *(key.replace("_deviation_", "_sigma_") for key in _ONE_EACH)):
             values = getattr(self, key)
             if values and (len(values) != self.count or max(map(abs, values)) > 1.0):
                 raise refused(

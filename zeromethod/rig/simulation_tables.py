@@ -67,6 +67,7 @@ class SimulationSpec(Table):
     exposure, in camera frames after time 0. `camera_latency_s`: end of exposure to frame in hand.
     `ghost_faces`, `ghost_gap`: light of the second reflections (both prism faces; pattern face and LCD
     glass across the gap) relative to the main one. `ambient`: stray light, share of full scale.
+    `projector_off_mm`: how far from `projector.corners_mm` the corners truly are.
     """
 
     seed: Count = 0
@@ -81,5 +82,6 @@ class SimulationSpec(Table):
     ghost_faces: Share = 0.0
     ghost_gap: Share = 0.0
     ambient: Share = 0.0
+    projector_off_mm: tuple[Vector2, Vector2, Vector2, Vector2] = ((0.0, 0.0),) * 4
     faults: Faults = Faults()
     nuisances: Nuisances = Nuisances()

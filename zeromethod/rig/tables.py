@@ -155,7 +155,8 @@ class ControlSpec(Table):
     display are the simulated ones. `follow_bench`: motion of camera, LCD or prism is corrected where it shows
     whole, while nothing presses or by two places known to rest. `burst`: whether coded pictures read the warp
     where none can null it (folds, what is too fine for the LCD): never, when needed, or again and again.
-    `lamp`: the LCD is white inside contacts. Controller "passive": the picture at rest stays, as on a printed
+    `lamp`: the LCD is white inside contacts. `rubbing`: what touches is a texture (cloth, pile, bristles,
+    grains), whose state of contact is read. Controller "passive": the picture at rest stays, as on a printed
     pattern; nothing is nulled, and strips, bursts and lamp are not drawn.
     """
 
@@ -167,6 +168,7 @@ class ControlSpec(Table):
     follow_bench: bool = False
     burst: Literal["never", "when-needed", "always"] = "when-needed"
     lamp: bool = True
+    rubbing: bool = False
 
     @property
     def passive(self) -> bool:
@@ -235,7 +237,8 @@ class PriorSpec(Table):
     along each axis, its direction either way, its roll, its focal length (or pixel size) in percent, one
     focal length against the other in percent, its principal point, the distortion k1. Of the prism: its
     index, the pattern face's angle, the camera face's less that one, the length; of a curved mirror its
-    radius in percent, its centre along x and y, a cylinder's axis.
+    radius in percent, its centre along x and y, a cylinder's axis. Of a saw the rubber above all valleys, and
+    what single teeth have besides: of that, and of each face's angle.
     """
 
     display_along_mm: NotNegative = 1.2
@@ -257,6 +260,9 @@ class PriorSpec(Table):
     rest_radius_percent: NotNegative = 1.0
     rest_centre_mm: NotNegative = 0.3
     rest_axis_deg: NotNegative = 0.3
+    teeth_base_mm: NotNegative = 0.05
+    tooth_base_mm: NotNegative = 0.02
+    tooth_angle_deg: NotNegative = 0.1
 
 
 MARK_HALF_PX = 16

@@ -46,14 +46,15 @@ class StepReader:
         live: bool,
         now_ns: Callable[[], int] | None = None,
         begin: Callable[[Step], None] | None = None,
+        follow: Callable[[Step], Step] | None = None,
     ) -> None:
         """Begin. now_ns: the clock of the steps, by which surfaces are late; None: not to be known.
 
         begin: is given each measured step in its turn, once, before it is read; the next one, too, if it
-        waits already.
+        waits already. follow: is given all steps before they are published, with what was read.
         """
         self._read = read
-        self._begin = begin
+        self._begin, self._follow = begin, follow
         self._begun: set[int] = set()
         self._publisher = publisher
         self._now_ns = now_ns
@@ -89,6 +90,8 @@ class StepReader:
                     continue
                 self._begin_with_next(step)
                 step = self._read(step)  # noqa: PLW2901 - the same step, with its surface
+            if self._follow is not None:
+                step = self._follow(step)  # noqa: PLW2901 - as above
             if self._publisher is not None:
                 self._publisher.publish(step)
             if step.measured is not None:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from zeromethod.contact import Contact, ContactFinder, ForceReader, Lamp
+from zeromethod.contact import Contact, ForceReader, Lamp, border_blur_px, finder_of
 from zeromethod.devices.abilities import dropped_refreshes_of, script_of, truth_of
 from zeromethod.devices.opening import Devices, open_devices
 from zeromethod.errors import InputError, MeasurementError
@@ -27,8 +27,10 @@ from zeromethod.loop.step import Step
 from zeromethod.optics import Optics, check_geometry
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
+from zeromethod.rubbing import RubbingReader
 from zeromethod.session.delay_note import DelayNote
 from zeromethod.session.fine import FineReadings, with_moving_target
+from zeromethod.session.interaction import interaction
 from zeromethod.session.outputs import Record, StepPublisher, publishing
 from zeromethod.session.reading import StepReader, rms_nm, warm_up_warp, with_reading
 from zeromethod.session.result import RunResult
@@ -108,15 +110,16 @@ class Session:
             share = float(np.mean(usable_nodes(self._optics, self._grid, AT_REST)[self._grid.inner]))
             self.result = RunResult(self.rig, self.loop.gl_renderer, share, self.loop.rest, self._truth)
             self.recording = RunRecording(record, self.rig, self.loop, fine)
-            stack.callback(self._end_recording)
+            stack.callback(self.recording.end, self.result)
             self._surfaces = Surfaces(self.rig, self._optics, self._grid)
-            fine_parts = self.rig, self._optics, self._grid, self._truth
-            self._fine = FineReadings(*fine_parts) if fine else None
-            self._contacts = ContactFinder(self.rig, self._optics, self._grid)
+            self._fine = FineReadings(self.rig, self._optics, self._grid, self._truth) if fine else None
+            self._contacts = finder_of(self.rig, self._optics, self._grid)
             self._forces = ForceReader(self.rig)
+            self._rubbing = RubbingReader(border_blur_px(self.rig)) if self.rig.control.rubbing else None
             self._touched: tuple[Contact, ...] = ()
             self._uneven = UnevenRest(self.loop.q_rest)
             self._lamp = Lamp(self._grid) if self.rig.control.lamp and not self.rig.control.passive else None
+            self.interaction = stack.enter_context(interaction(self.rig, opened))
             self._publisher = stack.enter_context(publishing(publisher, self._devices.clock))
             self._scenario = script_of(self._devices.camera)
             self._phases = frozenset(one.name for one in (self._scenario.phases if self._scenario else ()))
@@ -175,10 +178,8 @@ class Session:
 
         Parameters
         ----------
-        frames : int, optional
-            Number of camera frames.
-        seconds : float, optional
-            Time of the run's clock.
+        frames, seconds : int, float, optional
+            Number of camera frames; time of the run's clock.
 
         Yields
         ------
@@ -226,13 +227,13 @@ class Session:
             self._reads_apart = True
         with ExitStack() as stack:
             now_ns = self._devices.clock.now_ns if self.loop.live else None
-            reading = StepReader(self._read, self._publisher, self.loop.live, now_ns, self._begin)
+            steps_go = self._read, self._publisher, self.loop.live, now_ns, self._begin
+            reading = StepReader(*steps_go, self.interaction.follow)
             stack.callback(self._collect, reading)
             stack.callback(reading.close)
             stack.callback(self._post_end, reading)
             steps = self.loop.run(frames=frames, seconds=seconds)
-            # ended here and now, not when the interpreter comes to forget it
-            stack.callback(steps.close)
+            stack.callback(steps.close)  # here and now, not when the interpreter comes to forget it
             try:
                 for each in map(self._watching.seen, steps):
                     step = replace(each, phase=self._phase(each.time_ns), readable=is_readable(each))
@@ -242,7 +243,8 @@ class Session:
                     self.recording.add_step(step)
                     step = replace(step, notes=step.notes + self._notes())
                     self.result.add(step.figures)
-                    yield self._with_fine(step, with_reading(step, self._collect(reading)))
+                    read = self.interaction.drive(with_reading(step, self._collect(reading)))
+                    yield self._with_fine(step, read)
             except KeyboardInterrupt:
                 self.result.interrupted = True
 
@@ -283,11 +285,6 @@ class Session:
             reading.post(self.loop.ended)
             self.recording.add_step(replace(self.loop.ended, calls=self._taken_calls()))
 
-    def _end_recording(self) -> None:
-        """Write what waits still; what was lost stands in the result."""
-        self.recording.close()
-        self.result.recording_trouble, self.result.recording_lost = self.recording.trouble
-
     def _begin(self, step: Step) -> None:
         """Take dirt off one step's warp, and begin to read it."""
         assert step.measured is not None
@@ -297,22 +294,25 @@ class Session:
         """Read one step; in real time in a thread of its own."""
         surface, deepest, read_ms = self._surfaces.finish(step.number)
         contacts = self._touching(step, surface)
-        contacts, total = self._forces.read(surface, contacts)
+        contacts, total = self._forces.read(surface, contacts, self._contacts.unnamed)
         surface, deepest, contacts = self._contacts.carry(surface, deepest, contacts, self._forces.fit)
         if step.image is not None and step.residual is not None and Event.BURST not in step.events:
             contacts = self._contacts.with_images(step.image, step.residual, surface, contacts)
+            if self._rubbing is not None:
+                status = self._rubbing.follow(contacts, step.time_ns, step.exposure_ns)
+                step = replace(step, contact_status=status)
         if self._lamp is not None:
             self.loop.light(self._lamp.follow(contacts))
-        found: dict[str, Any] = {"contacts": contacts, "touching": tuple(one.figures for one in contacts)}
-        found |= {"total_force_n": total.force_n, "sigma_total_force_n": total.sigma_n}
+        read: dict[str, Any] = {"contacts": contacts, "touching": tuple(one.figures for one in contacts)}
+        read |= {"total_force_n": total.force_n, "sigma_total_force_n": total.sigma_n}
         if self._truth is not None and step.phase == "untouched":
             # the filter's noise, once it has settled: making its reader takes as long as 20 frames
             if self.result.before is not None:
                 filtered = self._filtered_reader.read(step.filtered)
-                found["untouched_rms_nm"] = (rms_nm(surface), rms_nm(filtered))
+                read["untouched_rms_nm"] = (rms_nm(surface), rms_nm(filtered))
         elif self._truth is not None and (self._scenario is None or step.phase in COMPARED_PHASES):
-            found["truth"] = compare(surface, self._truth(step.time_ns), self._optics, self._grid, deepest)
-        return replace(step, surface=surface, peak=deepest, read_ms=read_ms, **found)
+            read["truth"] = compare(surface, self._truth(step.time_ns), self._optics, self._grid, deepest)
+        return replace(step, surface=surface, peak=deepest, read_ms=read_ms, **read)
 
     def _touching(self, step: Step, surface: Surface) -> tuple[Contact, ...]:
         """What touches in a step."""

@@ -147,7 +147,7 @@ class Beams:
         if self._spec.ghost_faces > 0:
             q, gain = self._by_faces(mirror)
             ways.append((q, self._spec.ghost_faces * gain))
-        scattered = self._view * single.scattered if mirror.touches else None
+        scattered = self._view * single.scattered if mirror.touches or mirror.cloth else None
         if self._pupil is None or not mirror.dents:
             return self._lit([Beam.of(q, gain) for q, gain in ways]), scattered
         pupil = self._pupil

@@ -160,7 +160,9 @@ class SimulatedCamera:
             end_ns,
             backlight=backlight if self._delivery.lit(number) else 0.0,
         )
-        light: Single = self._display.renderer.expose(pieces)
+        projector = self._display.projector
+        projected = None if projector is None else projector.luminance(start_ns, end_ns)
+        light: Single = self._display.renderer.expose(pieces, projected)
         mirror = self.scenario.mirror_at((start_ns + end_ns) // 2)
         light = self._surroundings.on(light, mirror, start_ns, end_ns)
         light = self._nuisances.on(light, start_ns, end_ns)

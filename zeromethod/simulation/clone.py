@@ -36,6 +36,9 @@ def simulated_clone(rig: Rig) -> Rig:
     if clone.watch is not None:
         watch = {key: value for key, value in clone.watch.given().items() if key not in _OF_THE_DEVICE}
         clone = clone.replace(watch=watch | {"driver": SIMULATED})
+    if clone.projector is not None and clone.projector.driver != SIMULATED:
+        cloth = {} if clone.cloth is None else clone.cloth.given()
+        clone = clone.replace({"projector.driver": SIMULATED, "projector.monitor": None}, cloth=cloth)
     if "camera_latency_s" in rig.simulation.model_fields_set:
         return clone
     return clone.replace({"simulation.camera_latency_s": clone.camera.latency_s})

@@ -14,6 +14,7 @@ from zeromethod.pattern.response import Response
 from zeromethod.rig.model import Rig
 from zeromethod.simulation.numpy_renderer import NumpyRenderer
 from zeromethod.simulation.panel import Presentation, SimulatedPanel
+from zeromethod.simulation.projected import SimulatedProjector
 from zeromethod.simulation.renderer import BenchRenderer
 from zeromethod.simulation.timeline import Timeline
 
@@ -30,7 +31,7 @@ class SimulatedDisplay:
 
     A picture is swapped in at the first refresh strictly after the call, and the call returns at that time.
     Before the first picture the panel shows the grey of the target's mean light. The display owns the
-    renderer that its camera uses; `panel` and `presentations` are what that camera sees.
+    renderer that its camera uses; `panel`, `presentations` and `projector` are what that camera sees.
     """
 
     context: moderngl.Context
@@ -47,6 +48,7 @@ class SimulatedDisplay:
             self.renderer = NumpyRenderer(rig)
         display, spec = rig.display, rig.simulation
         refresh_hz = spec.display_refresh_hz or display.refresh_hz
+        self.projector = None if rig.projector is None else SimulatedProjector(rig.projector, clock)
         self._vsync = Timeline(refresh_hz, 0.0, spec.display_jitter_s, spec.seed, _STREAM)
         self.panel = SimulatedPanel(display, refresh_hz)
         grey = np.full(

@@ -14,7 +14,7 @@ from zeromethod.rig.model import Rig
 from zeromethod.simulation.gpu_light import CameraLight, PanelLight
 from zeromethod.simulation.gpu_rays import RayTracer, Region
 from zeromethod.simulation.press import Mirror
-from zeromethod.simulation.renderer import Handle, Piece, by_mirror, check_picture
+from zeromethod.simulation.renderer import Handle, Piece, by_mirror, check_picture, mirror_shares
 
 
 class GpuRenderer:
@@ -77,10 +77,11 @@ class GpuRenderer:
         """Forget a picture; its texture is used again."""
         self._spare.append(self._pictures.pop(handle))
 
-    def expose(self, pieces: Sequence[Piece]) -> Single:
+    def expose(self, pieces: Sequence[Piece], projected: Single | None = None) -> Single:
         """(camera rows, cols) float32 light, see `BenchRenderer`; the next call uses the array again."""
         with self.context:
             self._camera.start()
+            mirrors = mirror_shares(pieces)
             for mirror, shares in by_mirror(pieces).items():
                 maps = self._tracer.maps(mirror)
                 region = maps[0].region
@@ -95,6 +96,8 @@ class GpuRenderer:
                     self._camera.add(ray_map, panel)
                 if scattered is not None:
                     self._camera.add_scattered(scattered, self._panel.mean())
+                if projected is not None and maps[0].sent_back is not None:
+                    self._camera.add_projected(maps[0], projected, mirrors[mirror])
             return self._camera.read()
 
     def ray_map(self, mirror: Mirror) -> tuple[Single, Single]:

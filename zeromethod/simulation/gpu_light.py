@@ -13,6 +13,7 @@ from zeromethod.pattern.response import Response
 from zeromethod.rig.model import Rig
 from zeromethod.simulation.beams import MOST_FOCUS
 from zeromethod.simulation.gpu_lens import lens_defines
+from zeromethod.simulation.gpu_projected import ProjectedLight
 from zeromethod.simulation.gpu_rays import RayMap, Region
 from zeromethod.simulation.gpu_target import Pass, RenderTarget
 
@@ -110,6 +111,7 @@ class CameraLight:
         light = program(context, "bench_screen.vert", "bench_light.frag", **defines)
         self._light = Pass(context, light)
         self._scatter = Pass(context, program(context, "bench_screen.vert", "bench_scatter.frag"))
+        self._projected = ProjectedLight(context, rig) if rig.projector is not None else None
 
     def start(self) -> None:
         """Forget the last exposure; only the ambient light is there."""
@@ -124,6 +126,11 @@ class CameraLight:
         """Add what objects scatter; `light`: of the panel, its mean, times the share of the exposure."""
         self._scatter.draw(self._sum, {"scattered": scattered.texture}, {"scale": light}, add=True)
 
+    def add_projected(self, ray_map: RayMap, luminance: Single, share: float) -> None:
+        """Add what a projector's picture on the cloth gives; share: of the exposure."""
+        if self._projected is not None:
+            self._projected.draw(self._sum, (ray_map.scattered, ray_map.sent_back), luminance, share)
+
     def read(self) -> Single:
         """(rows, cols) float32; the array is used again by the next call."""
         return self._sum.read()
@@ -133,3 +140,5 @@ class CameraLight:
         self._sum.release()
         self._light.release()
         self._scatter.release()
+        if self._projected is not None:
+            self._projected.release()

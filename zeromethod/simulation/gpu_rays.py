@@ -9,9 +9,10 @@ from typing import Any, NamedTuple
 import moderngl
 import numpy as np
 
-from zeromethod.gl import program
+from zeromethod.gl import float_texture, program
 from zeromethod.rig.model import Rig
 from zeromethod.simulation.beams import scattered_view
+from zeromethod.simulation.cloth import cloth_of
 from zeromethod.simulation.gpu_bench import bench_defines, bench_values, mirror_middle_mm
 from zeromethod.simulation.gpu_lens import reach_px
 from zeromethod.simulation.gpu_mirror import (
@@ -25,8 +26,10 @@ from zeromethod.simulation.gpu_mirror import (
 )
 from zeromethod.simulation.gpu_pupil import GpuPupil
 from zeromethod.simulation.gpu_target import Pass, RenderTarget, constants
-from zeromethod.simulation.gpu_touch import level_texture, touch_values
+from zeromethod.simulation.gpu_touch import cloth_values, level_texture, touch_values
 from zeromethod.simulation.press import Dent, Mirror
+from zeromethod.simulation.projected import threads_view
+from zeromethod.simulation.surroundings import sent_back_share
 
 KEPT = 3
 """Mirrors whose maps are kept: rest, and the two instants of an exposure while a press moves."""
@@ -35,8 +38,8 @@ NEWTON_STEPS = 12
 MOST_FACES = 12
 """Of a saw's teeth and the mirror that a ray may meet after the first; light of more is next to none."""
 _BLOCK = 16
-_SCATTERED = -1
-"""Instead of a beam: the light that objects scatter."""
+_SCATTERED, _SENT_BACK = -1, -2
+"""Instead of a beam: the light that objects scatter; what the pattern's side sends back of a cloth's."""
 
 
 class Region(NamedTuple):
@@ -64,6 +67,8 @@ class RayMap:
     rays: RGBA32F (q column, q row, reflectance, 1 where the ray arrives). footprints: RGBA32F (dq/du, dq/dv).
     share: light relative to the main map. region: the LCD's part that any pixel gets light from.
     scattered: R32F light, 1 = the LCD's mean, that objects in contact scatter; None where nothing touches.
+    With a cloth it goes on with x, y mm, share of the projected light, and `sent_back` has these of the
+    second way.
     """
 
     rays: RenderTarget
@@ -71,13 +76,15 @@ class RayMap:
     share: float
     region: Region
     scattered: RenderTarget | None = None
+    sent_back: RenderTarget | None = None
 
     def release(self) -> None:
         """Free the textures."""
         self.rays.release()
         self.footprints.release()
-        if self.scattered is not None:
-            self.scattered.release()
+        for each in (self.scattered, self.sent_back):
+            if each is not None:
+                each.release()
 
 
 class RayTracer:
@@ -89,6 +96,8 @@ class RayTracer:
         self._middle_mm = mirror_middle_mm(rig.prism)
         self._constants = constants(bench_values(rig) | rest_values(rig.prism.rest, self._middle_mm))
         self._rest = rest_texture(context, rig.prism.rest)
+        self._cloth = cloth_of(rig)
+        self._weave = None if self._cloth is None else float_texture(context, self._cloth.weave)
         self._passes: dict[tuple[object, ...], Pass] = {}
         self._footprint, self._wide_footprint = (
             Pass(context, program(context, "bench_screen.vert", "bench_footprint.frag", PUPIL=pupil))
@@ -146,9 +155,10 @@ class RayTracer:
             self._pupil.release()
         self._tiles.release()
         self._passes.clear()
-        if self._rest is not None:
-            self._rest.release()
-            self._rest = None
+        for texture in (self._rest, self._weave):
+            if texture is not None:
+                texture.release()
+        self._rest = self._weave = None
 
     def _empty(self) -> list[RayMap]:
         context, size = self._context, self._size
@@ -162,6 +172,7 @@ class RayTracer:
         levels = level_texture(self._context, mirror.touches)
         texture = map_texture(self._context, acting_dents(mirror))
         samplers = {"dent_maps": texture, "rest_map": self._rest, "touch_levels": levels}
+        samplers |= {"cloth_weave": self._weave}
         for number, ((way, _), ray_map) in enumerate(zip(self._ways, maps, strict=True)):
             if self._pupil is None or not mirror.dents:
                 self._trace(mirror, way, ray_map.rays, samplers)
@@ -184,13 +195,21 @@ class RayTracer:
     ) -> None:
         dents = acting_dents(mirror)
         values = mirror_values(dents, self._middle_mm) | touch_values(mirror.touches, self._middle_mm)
+        if self._cloth is not None:
+            values |= cloth_values(self._cloth, self._middle_mm)
         self._pass(dents, len(mirror.touches), way).draw(rays, samplers, values)
 
     def _scatter(self, mirror: Mirror, ray_map: RayMap, samplers: dict[str, moderngl.Texture | None]) -> None:
         """Have the map know what objects scatter."""
-        if ray_map.scattered is not None:
-            ray_map.scattered.release()
-            ray_map.scattered = None
+        for each in (ray_map.scattered, ray_map.sent_back):
+            if each is not None:
+                each.release()
+        ray_map.scattered = ray_map.sent_back = None
+        if self._cloth is not None:
+            ray_map.scattered, ray_map.sent_back = (RenderTarget(self._context, self._size, 4) for _ in "12")
+            self._trace(mirror, _SCATTERED, ray_map.scattered, samplers)
+            self._trace(mirror, _SENT_BACK, ray_map.sent_back, samplers)
+            return
         if not mirror.touches:
             return
         light = RenderTarget(self._context, self._size, 1)
@@ -208,8 +227,11 @@ class RayTracer:
             defines: dict[str, Any] = {
                 "RIG": self._constants,
                 "GHOST": max(way, 0),
-                "SCATTERED": int(way == _SCATTERED),
+                "SCATTERED": {_SCATTERED: 1, _SENT_BACK: 2}.get(way, 0),
                 "SCATTERED_VIEW": scattered_view(self._rig.prism),
+                "THREADS_VIEW": threads_view(self._rig),
+                "SENT_BACK": sent_back_share(self._rig),
+                "CLOTH": int(self._cloth is not None),
                 "TOUCHES": touches,
                 "REST": rest_code(self._rig.prism.rest),
                 **bench_defines(self._rig),
@@ -217,7 +239,7 @@ class RayTracer:
             }
             made = program(self._context, "bench_screen.vert", "bench_rays.frag", **defines)
             steps = {"newton_steps": NEWTON_STEPS}
-            if self._rig.prism.teeth is not None and way != _SCATTERED:
+            if self._rig.prism.teeth is not None and way >= 0:
                 steps["most_faces"] = MOST_FACES
             self._passes[key] = Pass(self._context, made, steps)
         return self._passes[key]

@@ -1,4 +1,4 @@
-"""Objects in contact in the terms of bench_touch.glsl."""
+"""Objects in contact, and a cloth, in the terms of bench_touch.glsl."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from zeromethod.arrays import Float
 from zeromethod.gl import float_texture
+from zeromethod.simulation.cloth import BORDER, Cloth
 from zeromethod.simulation.contact.touch import FAR, Touch
 from zeromethod.simulation.gpu_bench import Values
 
@@ -37,3 +38,14 @@ def level_texture(context: moderngl.Context, touches: Sequence[Touch]) -> modern
         for touch in touches
     ]
     return float_texture(context, np.vstack(padded))
+
+
+def cloth_values(cloth: Cloth, middle_mm: Float) -> Values:
+    """Uniforms of a cloth; `middle_mm` (3,) is the world position of the shader's origin."""
+    spec = cloth.spec
+    c, s = (one / spec.weave_mm for one in cloth.turn)
+    return {
+        "cloth_place": [-middle_mm[0], -middle_mm[1], c, s],
+        "cloth_points": [*cloth.radii, BORDER, 1 / spec.give_mm],
+        "cloth_albedo": spec.albedo,
+    }

@@ -14,7 +14,8 @@ from zeromethod.rig.model import Rig
 from zeromethod.simulation.aperture import gather
 from zeromethod.simulation.beams import Beams
 from zeromethod.simulation.press import Mirror
-from zeromethod.simulation.renderer import Handle, Piece, by_mirror, check_picture
+from zeromethod.simulation.projected import ProjectedWays
+from zeromethod.simulation.renderer import Handle, Piece, by_mirror, check_picture, mirror_shares
 
 _KEPT_MIRRORS = 3
 """Ray maps kept: rest, and the two instants of a moving exposure."""
@@ -33,7 +34,7 @@ class NumpyRenderer:
 
     def move(self, rig: Rig) -> None:
         """Have camera and LCD where `rig` has them."""
-        self._beams = Beams(rig)
+        self._beams, self._projected = Beams(rig), ProjectedWays(rig)
         self._beams_of = lru_cache(_KEPT_MIRRORS)(self._beams.all)
 
     def upload(self, image: Bytes) -> Handle:
@@ -49,7 +50,7 @@ class NumpyRenderer:
         """Forget a picture."""
         del self._pictures[handle]
 
-    def expose(self, pieces: Sequence[Piece]) -> Single:
+    def expose(self, pieces: Sequence[Piece], projected: Single | None = None) -> Single:
         """Mean light (camera rows, cols); see `BenchRenderer.expose`."""
         display, camera = self._rig.display, self._rig.camera
         stripes = 3 if display.stripes == "rgb" else 1
@@ -64,6 +65,9 @@ class NumpyRenderer:
             for beam in beams:
                 footprint = beam.q, beam.by_u, beam.by_v, beam.gain
                 gather(light, *footprint, display.fill_factor, stripes, camera.psf_px, out)
+        if projected is not None:
+            for mirror, part in mirror_shares(pieces).items():
+                out += part * self._projected.light(mirror, projected)
         out += self._rig.simulation.ambient
         return out.astype(np.float32)
 

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.devices.protocols import TrueContact
+from zeromethod.simulation.cloth import Cloth
 from zeromethod.simulation.contact.touch import Touch, evanescent_mm
 from zeromethod.simulation.shapes import Field, ball, cone, edge, gaussian, height_map, spline_coefficients
 
@@ -120,11 +121,13 @@ class Dent:
 class Mirror:
     """The pressed mirror at one instant: exact depth, slope and reflectance. No dents = at rest.
 
-    touches: hard objects in contact, whose dents are among the others.
+    touches: hard objects in contact, whose dents are among the others. cloth: what lies on the mirror, and
+    between it and them.
     """
 
     dents: tuple[Dent, ...] = ()
     touches: tuple[Touch, ...] = ()
+    cloth: Cloth | None = None
 
     def depth(self, x: ArrayLike, y: ArrayLike) -> Float:
         """Depth, mm, > 0 into the rubber, of the broadcast shape of x and y (mm)."""
@@ -153,12 +156,24 @@ class Mirror:
         """
         dents = Mirror(self.dents)
         left, scattered = dents.reflectance_factor(x, y), np.zeros(np.shape(x))
+        if self.cloth is not None:
+            taken = self.threads(x, y)
+            return left * (1 - taken), self.cloth.spec.albedo * taken
         if self.touches:
             evanescent = evanescent_mm(cos_incidence, index)
             for touch in self.touches:
                 crossing = touch.crossing(x, y, evanescent)
                 left, scattered = left * (1 - crossing), scattered + touch.albedo * crossing
         return left, scattered
+
+    def threads(self, x: Float, y: Float) -> Float:
+        """Share of light that the cloth's threads take; 0 without a cloth."""
+        if self.cloth is None:
+            return np.zeros(np.shape(x))
+        gap = np.full(np.shape(x), np.inf)
+        for touch in self.touches:
+            gap = np.minimum(gap, np.maximum(touch.level_at(x, y), 0.0) ** 1.5)
+        return self.cloth.share(x, y, gap)
 
     @property
     def contacts(self) -> tuple[TrueContact, ...]:

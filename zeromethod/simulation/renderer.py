@@ -41,13 +41,13 @@ class BenchRenderer(Protocol):
     def release(self, handle: Handle) -> None:
         """Forget a picture."""
 
-    def expose(self, pieces: Sequence[Piece]) -> Single:
+    def expose(self, pieces: Sequence[Piece], projected: Single | None = None) -> Single:
         """(camera rows, cols) float32: mean light, 1 = all of a fully lit LCD's light reflected.
 
         Includes LCD response and apertures (normalised by their fill: a white panel gives 1), reflectance,
         touch, ghosts, ambient light and the lens's blur, which acts on the image before the pixels sample it.
         Reflectance is taken at a pixel's centre: it alone is not blurred. The array may be reused by the next
-        call.
+        call. projected: a projector's luminance on the cloth (projector rows, cols), in all pieces.
         """
 
     def move(self, rig: Rig) -> None:
@@ -70,6 +70,14 @@ def by_mirror(pieces: Sequence[Piece]) -> dict[Mirror, dict[Handle, Float]]:
         shares = result.setdefault(piece.mirror, {})
         for handle, row_share in piece.pictures:
             shares[handle] = shares.get(handle, 0.0) + piece.weight * row_share.astype(np.float64)
+    return result
+
+
+def mirror_shares(pieces: Sequence[Piece]) -> dict[Mirror, float]:
+    """Mirror -> its share of the exposure."""
+    result: dict[Mirror, float] = {}
+    for piece in pieces:
+        result[piece.mirror] = result.get(piece.mirror, 0.0) + piece.weight
     return result
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from zeromethod.resources import resource
 from zeromethod.rig.model import Rig
 from zeromethod.rig.prism_tables import Prism, RestSurface
 from zeromethod.rig.tables import Rubber
+from zeromethod.simulation.cloth import Cloth, cloth_of
 from zeromethod.simulation.contact.bow import on_rest
 from zeromethod.simulation.contact.path import ObjectPath
 from zeromethod.simulation.contact.scene import scene_of
@@ -26,7 +27,7 @@ class Scenario:
 
     duration_s: how long a run of it lasts. phases: marks for a report ("hold", "slide"); they change
     nothing in the physics. objects: hard ones, solved in contact with the rubber. prism: that of the rubber,
-    with its mirror at rest; None for a flat mirror.
+    with its mirror at rest; None for a flat mirror. cloth: what lies on it.
     """
 
     name: str
@@ -36,6 +37,7 @@ class Scenario:
     objects: tuple[ObjectPath, ...] = ()
     rubber: Rubber = RUBBER
     prism: Prism | None = None
+    cloth: Cloth | None = None
 
     def mirror_at(self, time_ns: int) -> Mirror:
         """Return the mirror at `time_ns`; mirrors that are alike compare equal."""
@@ -44,7 +46,9 @@ class Scenario:
         rest = FLAT if self.prism is None else self.prism.rest
         objects = [on_rest(each, rest) for each in held if each is not None]
         scene = scene_of(objects, self.rubber, self.prism)
-        return Mirror((*(dent for dent in dents if dent is not None), *scene.dents), scene.touches)
+        return Mirror(
+            (*(dent for dent in dents if dent is not None), *scene.dents), scene.touches, self.cloth
+        )
 
     def bends_ns(self, from_ns: int, to_ns: int) -> tuple[int, ...]:
         """Times inside (from, to) at which any press jumps or changes its velocity, rising."""
@@ -81,4 +85,4 @@ def load_scenario(name: str | Path, rubber: Rubber = RUBBER, prism: Prism | None
 
 def scenario_of(rig: Rig) -> Scenario:
     """Scenario that a rig names, on its rubber. Raises InputError as `load_scenario`."""
-    return load_scenario(rig.scenario, rig.rubber, rig.prism)
+    return replace(load_scenario(rig.scenario, rig.rubber, rig.prism), cloth=cloth_of(rig))

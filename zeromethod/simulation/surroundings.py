@@ -51,6 +51,11 @@ def interface_share(indices: Sequence[float]) -> float:
     return sum(((a - b) / (a + b)) ** 2 for a, b in pairwise(indices))
 
 
+def sent_back_share(rig: Rig) -> float:
+    """Light that pattern face, layers and the LCD's glass send back near their normal."""
+    return interface_share([rig.prism.index, *(one.index for one in rig.pattern_layers), GLASS_INDEX])
+
+
 def room_level(light: LightSpec, from_ns: int, to_ns: int) -> float:
     """Mean luminance of the surroundings in an exposure, over the white LCD's."""
     time_s = 0.5e-9 * (from_ns + to_ns)
@@ -75,8 +80,7 @@ class Surroundings:
         self._optics = Optics(rig)
         rubber = rig.prism.index
         outer = [1.0, *(one.index for one in reversed(rig.camera_layers)), rubber]
-        inner = [rubber, *(one.index for one in rig.pattern_layers), GLASS_INDEX]
-        self._front, self._back = interface_share(outer), interface_share(inner)
+        self._front, self._back = interface_share(outer), sent_back_share(rig)
         # as much light reaches an object through this face as the LCD's through the other
         self._on_object = float(np.cos(np.radians(rig.prism.camera_angle_deg)) / rubber**2)
         self._seen = lru_cache(3)(self.seen)
@@ -93,7 +97,7 @@ class Surroundings:
     def seen(self, mirror: Mirror) -> Seen:
         """What each pixel sees of room and ring by a mirror."""
         optics, camera = self._optics, self._camera
-        touched = bool(mirror.touches) or any(dent.touches for dent in mirror.dents)
+        touched = bool(mirror.touches or mirror.cloth) or any(dent.touches for dent in mirror.dents)
         every = 1 if touched else EVERY_PX
         v, u = (np.arange(0, n + every - 1, every, dtype=np.float64) for n in (camera.rows, camera.columns))
         columns, lines = np.meshgrid(u, v)
@@ -128,7 +132,7 @@ class Surroundings:
     def _off_pattern(self, point: Float, direction: Float) -> tuple[Float, Float]:
         """Rays sent back by the pattern face; the slabs behind it are taken to be thin."""
         face = self._optics.prism.pattern_face
-        return _at(face, point, direction), reflect(direction, face.normal)
+        return at_face(face, point, direction), reflect(direction, face.normal)
 
     def _off_front(self, u: Float, v: Float) -> Float:
         """(..., 2) mm from the lens, in its plane, of what pixels see in the camera face's outer side."""
@@ -144,7 +148,7 @@ class Surroundings:
         slabs = [(one.index, one.thickness_mm) for one in optics.rig.camera_layers]
         with np.errstate(invalid="ignore", divide="ignore"):
             shift, outside = through_slabs(direction, face.normal, optics.rig.prism.index, slabs, 1.0)
-        return self._in_lens_plane(_at(face, point, direction) + shift, outside)
+        return self._in_lens_plane(at_face(face, point, direction) + shift, outside)
 
     def _in_lens_plane(self, point: Float, direction: Float) -> Float:
         camera = self._optics.camera
@@ -176,7 +180,7 @@ class Surroundings:
         return np.asarray(cv2.warpAffine(few, step, shape[::-1], flags=flags, borderMode=border), np.float32)
 
 
-def _at(face: Face, point: Float, direction: Float) -> Float:
+def at_face(face: Face, point: Float, direction: Float) -> Float:
     """Where rays in the rubber meet a face from inside; NaN where they do not."""
     with np.errstate(invalid="ignore", divide="ignore"):
         met: Float = point + (face.depth_below(point) / dot(direction, face.normal))[..., None] * direction

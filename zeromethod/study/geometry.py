@@ -33,6 +33,7 @@ GROUPS: dict[str, str | tuple[str, ...]] = {
     "index": "prism.index",
     "prism's angles": ("prism.pattern_angle_deg", "prism.captured_less_pattern_deg"),
     "prism's length": "prism.length_mm",
+    "teeth": ("teeth.", "tooth"),
 }
 """What may be taken as exact, by the beginnings of its parameters' names."""
 

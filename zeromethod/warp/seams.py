@@ -25,10 +25,13 @@ class SeamMap:
     """
 
     def __init__(self, optics: Optics, grid: NodeGrid) -> None:
-        u, v = (each[grid.inner] for each in grid.mesh())
+        # a node without a ray of its own stands where it does in the image
+        lattice = np.meshgrid(grid.u_px, grid.v_px)
+        pixels = (np.where(np.isnan(a), b, a) for a, b in zip(grid.mesh(), lattice, strict=True))
+        u, v = (each[grid.inner] for each in pixels)
         first, last = int(u.min()) - grid.period_px, int(u.max()) + grid.period_px + 1
         across = np.arange(first, last + 1, dtype=np.float64)
-        lost, *teeth = seams(optics, *np.meshgrid(across, v[:, 0]))
+        lost, *teeth = seams(optics, *np.meshgrid(across, np.median(v, axis=1)))
         changes = (np.diff(tooth, axis=1, append=tooth[:, -1:]) != 0 for tooth in teeth)
         entry, leaving = (_distances((lost == Lost.SEAM) | change) for change in changes)
         columns = np.rint(u - first).astype(np.intp)
@@ -45,15 +48,18 @@ class SeamMap:
         spec = optics.rig.prism.teeth
         assert spec is not None
         self._moves_px = spec.base_mm * per_mm, optics.prism.thickness_mm * per_mm
+        # a deeper mirror is met earlier and left earlier: rays are shorter in the rubber, both ways
+        _, direction = optics.rubber_rays(u, v)
+        self._deeper_px = 2.0 * float(np.nanmedian(direction[..., 0] / direction[..., 2])) / per_px
 
     @classmethod
     def of(cls, optics: Optics, grid: NodeGrid) -> SeamMap | None:
         """Those of a rig; None of a prism."""
         return None if optics.rig.prism.teeth is None else cls(optics, grid)
 
-    def touched(self, slope_x: Float) -> Mask:
-        """Nodes (rows, cols) whose window touches a seam while the mirror has this slope along x, rad."""
-        valley, tip = (per_rad * slope_x for per_rad in self._moves_px)
+    def touched(self, slope_x: Float, depth_mm: Float | float = 0.0) -> Mask:
+        """Nodes (rows, cols) whose window touches a seam of a mirror that slopes so along x, rad, so deep."""
+        valley, tip = (per_rad * slope_x + self._deeper_px * depth_mm for per_rad in self._moves_px)
         after_px = self._after_px + np.minimum(valley, tip)
         before_px = self._before_px - np.maximum(valley, tip)
         nearest = np.minimum(self._entry_px, np.minimum(before_px, after_px))

@@ -278,6 +278,10 @@ def geometry_values(rig: Rig) -> dict[str, Any]:
         values["camera.pixel_mm"] = camera.pixel_mm
     length = "pattern_length_mm" if prism.pattern_length_mm is not None else "mirror_length_mm"
     values[f"prism.{length}"] = getattr(prism, length)
+    if prism.teeth is not None:
+        values |= {
+            f"prism.teeth.{key}": value for key, value in prism.teeth.given().items() if key != "count"
+        }
     if rig.pattern_layers and rig.pattern_layers[-1].index == 1.0:
         last = len(rig.pattern_layers) - 1
         values[f"pattern_layers[{last}].thickness_mm"] = rig.pattern_layers[-1].thickness_mm

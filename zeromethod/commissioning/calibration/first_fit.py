@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from zeromethod.calibration import Fit, Intrinsics, Measurement, Priors, RestPositions, fit
+from zeromethod.calibration import Fit, Intrinsics, Measurement, Priors, RestPositions, ToothSeams, fit
 from zeromethod.calibration.measurements import INTRINSICS
 from zeromethod.commissioning.calibration.plan import Known
 from zeromethod.decoding.measuring import RestMeasurement
@@ -19,7 +19,9 @@ _WIDE = 10.0
 def rest_measurements(rig: Rig, found: RestMeasurement, known: tuple[Known, ...]) -> list[Measurement]:
     """The rest map and what was measured by hand, as a fit takes them."""
     grid = NodeGrid.of_rig(rig)
-    return [RestPositions.of(grid, found.rest_map.warp(grid)), *known]
+    rest = found.rest_map.warp(grid)
+    seams = ToothSeams.of(rig, grid, rest)
+    return [RestPositions.of(grid, rest), *([] if seams is None else [seams]), *known]
 
 
 def first_fit(rig: Rig, found: RestMeasurement, known: tuple[Known, ...]) -> Fit:

@@ -1,0 +1,125 @@
+"""Contacts through a cloth: where a finger presses its threads against the mirror, they take the carrier.
+
+Threads give the light of a projector's picture, any and changing, so that no grey level says what touches.
+The amplitude of the carriers does: steady light adds nothing to it. A node whose carriers have less than half
+of their amplitude at rest lies in a contact. A contact's middle is known to a fraction of a node's spacing;
+its area only roughly, as right beside it the mirror bends too fast for a node's window, too.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from zeromethod.arrays import Float, Image, Mask, Single
+from zeromethod.contact.contact import Contact, Probability
+from zeromethod.contact.finder import LEAST_MM2, ContactFinder
+from zeromethod.contact.force_fit import ForceFit
+from zeromethod.contact.moments import moments
+from zeromethod.contact.outline import first_outline
+from zeromethod.contact.polygon import perimeter, signed_area
+from zeromethod.optics import Optics
+from zeromethod.rig.model import Rig
+from zeromethod.sensing.residual import Residual
+from zeromethod.surface import Peak, Surface
+from zeromethod.warp.grid import NodeGrid
+
+LEFT_SHARE = 0.5
+"""Amplitude over that at rest below which a node lies in a contact."""
+_FINE = 4
+"""Points between nodes at which the border is looked for, along either axis."""
+_LEAST_NODES = 3
+"""Area, in nodes, below which nothing is called a contact: half a window's, more than noise takes."""
+_PLACE = 0.25
+"""Standard deviation of a centroid over the spacing of nodes: planted fingers, lit and dark, were 0.2 off."""
+_EDGE = 0.5
+"""The same of the border, across itself: where the amplitude falls, a window is half over it."""
+_NOTHING = Probability(0, 0, np.zeros((0, 0), np.float32))
+
+
+class ThreadFinder(ContactFinder):
+    """Finds what presses a cloth on the mirror; used as a `ContactFinder`."""
+
+    def follow(
+        self, image: Image, residual: Residual, surface: Surface, *, nulled: bool, exposure_ns: int = 0
+    ) -> tuple[Contact, ...]:
+        """Contacts of the next frame, largest first; as `ContactFinder.follow`."""
+        if exposure_ns:
+            self._rest.expose(exposure_ns)
+        if not self._rest.known:
+            if nulled:
+                self._rest.add(image, residual)
+            return ()
+        left = self._rest.left(residual)
+        near = np.argwhere(left < LEFT_SHARE)
+        if len(near) < _LEAST_NODES:
+            return self._named([], surface)
+        (row, col), (last_row, last_col) = np.maximum(near.min(axis=0) - 2, 0), near.max(axis=0) + 3
+        part = np.ascontiguousarray(left[row:last_row, col:last_col])
+        size = part.shape[1] * _FINE, part.shape[0] * _FINE
+        fine = np.asarray(cv2.resize(part, size, interpolation=cv2.INTER_CUBIC), np.float32)
+        count, labels, stats, _ = cv2.connectedComponentsWithStats((fine < LEFT_SHARE).astype(np.uint8))
+        found = [
+            self._pressed(labels == k, fine, (int(col), int(row)), surface)
+            for k in range(1, count)
+            if stats[k, cv2.CC_STAT_AREA] >= _LEAST_NODES * _FINE**2
+        ]
+        known = sorted((one for one in found if one is not None), key=lambda one: -one.area_mm2)
+        return self._named(known, surface)
+
+    def carry(
+        self, surface: Surface, deepest: Peak, contacts: tuple[Contact, ...], fit: ForceFit | None
+    ) -> tuple[Surface, Peak, tuple[Contact, ...]]:
+        """As `ContactFinder.carry`, with those that are not named yet, which are in `fit`, too."""
+        surface, deepest, carried = super().carry(surface, deepest, (*contacts, *self.unnamed), fit)
+        return surface, deepest, carried[: len(contacts)]
+
+    def _named(self, found: list[Contact], surface: Surface) -> tuple[Contact, ...]:
+        named = self._track.follow(found, surface.time_ns)
+        known = {id(one.outline_mm) for one in named}
+        self.unnamed = tuple(one for one in found if id(one.outline_mm) not in known)
+        return named
+
+    def _pressed(self, mask: Mask, left: Single, corner: tuple[int, int], surface: Surface) -> Contact | None:
+        """The contact of a piece of the fine map whose first node is `corner` (column, row)."""
+        # a contact on one line of points has no border
+        points_px = self._px(first_outline(mask), corner)
+        weight = np.where(mask, 1 - left, 0.0)
+        rows, cols = np.indices(mask.shape)
+        middle = np.array([[(weight * cols).sum(), (weight * rows).sum()]]) / weight.sum()
+        seen = self._places.seen(points_px, surface)
+        outline_mm = seen.outline_mm
+        if signed_area(outline_mm) < 0:  # the camera sees the mirror mirrored
+            outline_mm, points_px = outline_mm[::-1], points_px[::-1]
+        shape = moments(outline_mm)
+        if shape.area_mm2 < LEAST_MM2:
+            return None
+        px = self._px(middle, corner)
+        # the centroid by amplitude is better than the border's, from which it is taken to mm
+        x, y = self._places.beside(px, points_px.mean(axis=0), outline_mm.mean(axis=0))
+        spacing_mm = self._grid.spacing_px * float(np.sqrt(shape.area_mm2 / abs(signed_area(points_px))))
+        edge = _EDGE * spacing_mm
+        sigma_x, sigma_y = (float(np.hypot(part, _PLACE * spacing_mm)) for part in seen.sigma_mm)
+        return Contact(
+            id=0,
+            **(shape._asdict() | {"x_mm": x, "y_mm": y}),
+            sigma_x_mm=sigma_x,
+            sigma_y_mm=sigma_y,
+            sigma_area_mm2=edge * perimeter(outline_mm),
+            outline_mm=outline_mm,
+            sigma_edge_mm=edge,
+            outline_px=points_px,
+            scattered=float("nan"),
+            probability=_NOTHING,
+        )
+
+    def _px(self, fine: Float, corner: tuple[int, int]) -> Float:
+        """Camera px of points (n, 2) (column, row) of the fine map."""
+        nodes = (fine + 0.5) / _FINE - 0.5 + np.array(corner)
+        first = np.array([self._grid.u_px[0], self._grid.v_px[0]], dtype=np.float64)
+        return np.asarray(first + nodes * self._grid.spacing_px)
+
+
+def finder_of(rig: Rig, optics: Optics, grid: NodeGrid) -> ContactFinder:
+    """The finder that a rig needs."""
+    return (ThreadFinder if rig.under_cloth else ContactFinder)(rig, optics, grid)

@@ -1,0 +1,78 @@
+"""An interactive surface in a session: readings to pointer events, and these to the projector's picture."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
+
+from zeromethod.arrays import Bytes
+from zeromethod.devices.opening import Devices
+from zeromethod.devices.projectors import Projector, open_projectors
+from zeromethod.interactive.pointers import PointerEvent, Pointers
+from zeromethod.interactive.screen import PointerScreen
+from zeromethod.loop.state import State
+from zeromethod.loop.step import Step
+from zeromethod.rig.model import ProjectorSpec, Rig
+
+UNKNOWN = frozenset(
+    {State.COVERED, State.LOST, State.MOVED, State.PAUSED, State.FAULT, State.STOPPED, State.STARTING}
+)
+"""States in which nobody knows where fingers are."""
+
+
+class Interaction:
+    """What fingers do, and what is projected; nothing for a rig without a projector."""
+
+    def __init__(self, spec: ProjectorSpec | None = None, projectors: Sequence[Projector] = ()) -> None:
+        self._projectors, self._named = projectors, ""
+        if spec is not None:
+            self._pointers, self._screen = Pointers(spec), PointerScreen(spec)
+        self._said: deque[tuple[tuple[PointerEvent, ...], tuple[PointerEvent, ...], int]] = deque()
+        self.picture: Bytes | None = None
+
+    def follow(self, step: Step) -> Step:
+        """The step, read or not, with what fingers did in it; in the thread that reads."""
+        if not self._projectors:
+            return step
+        if step.state in UNKNOWN:
+            events = self._pointers.unread(step.time_ns, f"{step.state}: {step.reason}")
+        elif step.surface is None:
+            events = self._pointers.unread(step.time_ns)
+        else:
+            events = self._pointers.follow(step.touching, step.time_ns)
+        self._said.append((events, self._pointers.down, step.time_ns))
+        return replace(step, pointers=events)
+
+    def drive(self, step: Step) -> Step:
+        """The step with all events since the one before, after which the picture is; in the loop's thread."""
+        if not self._projectors:
+            return step
+        events: list[PointerEvent] = []
+        while self._said:
+            new, down, time_ns = self._said.popleft()
+            events += new
+            if (picture := self._screen.draw(new, down, time_ns)) is not None:
+                self.picture = picture
+                for projector in self._projectors:
+                    projector.show(picture)
+        return replace(step, pointers=tuple(events), notes=step.notes + self._notes())
+
+    def _notes(self) -> tuple[str, ...]:
+        """What the operator should know of the projectors, when it begins."""
+        for projector in self._projectors:
+            projector.poll()
+        trouble = "; ".join(one.trouble for one in self._projectors if one.trouble)
+        before, self._named = self._named, trouble
+        return (trouble,) if trouble != before else ()
+
+
+@contextmanager
+def interaction(rig: Rig, devices: Devices) -> Iterator[Interaction]:
+    """The interaction that a rig asks for. Raises InputError where a projector cannot be opened."""
+    if rig.projector is None:
+        yield Interaction()
+        return
+    with ExitStack() as stack:
+        yield Interaction(rig.projector, open_projectors(rig.projector, devices.display, stack))
