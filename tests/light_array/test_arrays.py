@@ -1,6 +1,7 @@
 """The zero method in light levels: reading, lock, channels that fail, recording and replay."""
 
 import json
+import re
 
 import h5py
 import numpy as np
@@ -144,6 +145,7 @@ def test_a_recording_repeats_bit_for_bit_and_says_so_where_it_does_not(tmp_path)
     again = run("replay", file)
     assert again.code == 0
     assert "the same, bit for bit" in again.out
+    assert re.search(r"frames +(\d+)", again.out)[1] == re.search(r"frames \(lost\) +(\d+)", ran.out)[1]
     with h5py.File(file, "r+") as recorded:
         # one reading of the press, by one count
         row = recorded["readings"][-600]

@@ -319,7 +319,7 @@ def fit(
 ) -> Fit:
     """Step of Gauss and Newton from `state` (modes, then brightness and light from outside), by one frame.
 
-    at: by the state. covariance: of the state, (n, n), renewed in place where `fresh`. lit: (256,) levels times
+    at: by the state. covariance: of the state, (n, n), renewed in place where `fresh`. lit: (256,) levels by
     the LEDs' gains. offset: (256,) what readings have at rest that the model has not. reading: (256,). used:
     which of them count.
     """
