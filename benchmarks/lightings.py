@@ -16,11 +16,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 import click
 import numpy as np
 
+from benchmarks.parts import Parts, part_options
 from benchmarks.report import Figure, Report, benchmark, start
 from benchmarks.rigs import coarser, pressed
 from zeromethod.commissioning.setting_up import SettingUp
@@ -29,7 +31,6 @@ from zeromethod.loop.state import NULLED, State
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
 from zeromethod.session.session import Session
-from zeromethod.view.progress import progress
 
 PRINT = "lamp at the camera, print"
 CASES: Sequence[tuple[str, str, dict[str, Any]]] = (
@@ -207,6 +208,8 @@ def ratio(found: Sequence[Lit], one: Lit) -> float:
 def report(found: Sequence[Lit], passive: tuple[float, float, float] | None) -> Report:
     """Figures with their bars."""
     others = [one for one in found if one.light not in REFERENCES]
+    if not others:
+        return Report("Eight lightings", [], [], {"lit": [asdict(one) for one in found]})
     worst = max(others, key=lambda one: np.nan_to_num(ratio(found, one), nan=np.inf))
     most = ratio(found, worst)
     beyond = max(others, key=lambda one: one.beyond)
@@ -252,20 +255,37 @@ def report(found: Sequence[Lit], passive: tuple[float, float, float] | None) -> 
     click.option(
         "--only", multiple=True, help="Lightings whose name begins so alone, next to the clean benches."
     ),
+    click.option(
+        "--full", is_flag=True, help="At the packaged bench's own pixels: minutes for each lighting."
+    ),
     click.option("--no-sweep", is_flag=True, help="Leave out the best exposures."),
+    part_options,
 )
-def command(*, quick: bool, only: tuple[str, ...], no_sweep: bool) -> Report:
-    """Run all lightings."""
-    factor = 4 if quick else 2
+def command(
+    *,
+    quick: bool,
+    full: bool,
+    only: tuple[str, ...],
+    no_sweep: bool,
+    keep: Path | None,
+    most_runs: int | None,
+) -> Report:
+    """Run all lightings, or those of them that are still missing in `keep`."""
+    factor = 1 if full else 4 if quick else 2
     cases = [case for case in CASES if not only or case[0] in REFERENCES or case[0].startswith(only)]
-    found = []
-    with progress(len(cases), "lightings") as advance:
-        for light, strength, values in cases:
-            sweep = not no_sweep and light not in REFERENCES
-            found.append(lit(light, strength, values, factor, sweep))
-            advance()
     lamp = any(case[0] == PRINT for case in cases)
-    return report(found, passive_live() if lamp else None)
+
+    def run(number: int) -> dict[str, Any]:
+        if number == len(cases):
+            return {"passive": passive_live()}
+        light, strength, values = cases[number]
+        sweep = not no_sweep and light not in REFERENCES
+        return {"lit": asdict(lit(light, strength, values, factor, sweep))}
+
+    parts = Parts(keep, most_runs, factor=factor, only=list(only), sweep=not no_sweep)
+    found = parts.run(len(cases) + lamp, "lightings", run)
+    passive = next((tuple(one["passive"]) for one in found if "passive" in one), None)
+    return report([Lit(**one["lit"]) for one in found if "lit" in one], passive)
 
 
 if __name__ == "__main__":

@@ -47,13 +47,29 @@ def test_the_phase_error_of_a_small_contact_anywhere_in_the_window_is_as_large_a
     assert np.sqrt(np.mean(np.concatenate(ratios) ** 2)) == pytest.approx(1.0, abs=0.25)
 
 
+def test_before_any_rest_the_edge_of_a_lamps_image_is_in_sigma() -> None:
+    sense, ratios = sensor(QUIET, 16), []
+    across, down = pixels()
+    for place in range(40):
+        beyond = across * np.cos(0.1 * place) + down * np.sin(0.1 * place) > 90 + place
+        more = 0.02 * beyond  # 4 % of the mean light, as of a ring light's image
+        found = sense.measure(exposed(LIGHT + more))
+        LostLight(GRID.shape, PERIOD, 0.0).open(found)
+        near = found.valid & (found.sigma[..., 0] > 0.02)
+        ratios.append((found.d[near] / found.sigma[near]).ravel())
+    # a bend says how large a step is, not where in the window it lies: 1.5 where that does most harm
+    assert 0.8 < np.abs(np.concatenate(ratios)).max() < 2
+    assert np.concatenate(ratios).size > 5000
+
+
 def test_noise_and_light_that_changes_smoothly_add_nothing() -> None:
     sense = sensor(NOISE, 8)
     lost = LostLight(GRID.shape, PERIOD, NOISE.black_grey)
     first = sense.measure(camera(LIGHT))
     before = first.sigma.copy()
     lost.open(first)
-    assert np.array_equal(first.sigma, before)
+    # three deviations of noise of the larger of two bends, at a node or one of eight next to it
+    assert np.mean(first.sigma[INNER] > 1.001 * before[INNER]) < 0.03
     for seed in range(2 * FRAMES):
         lost.learn(sense.measure(camera(LIGHT, seed)))
     u, v = pixels()

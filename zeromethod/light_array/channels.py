@@ -6,11 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from zeromethod.arrays import Float, Ints, Mask
+from zeromethod.arrays import Float, Mask
 from zeromethod.light_array.devices import FULL_SCALE, Counts
 from zeromethod.light_array.estimate import Light, seen
+from zeromethod.light_array.finer import FinerDents
 from zeromethod.light_array.optics import COUNT
-from zeromethod.light_array.rig import SIDE
 from zeromethod.light_array.start import Start
 
 OUTLIER = 6.0
@@ -55,15 +55,19 @@ class Seen(NamedTuple):
 class Channels:
     """Which LEDs and detectors are believed. faults: names, and why; led: (256,) gains, 0 where left out.
 
-    strange: detectors that were off in the last frame, and are not left out for good.
+    strange: detectors that were off in the last frame, and are not left out for good. pressed: it is a dent
+    that they see, so that they count.
     """
 
-    def __init__(self, start: Start) -> None:
+    def __init__(self, start: Start, finer: FinerDents) -> None:
+        self._finer = finer
+        finer.begin(start)
         self.faults = dict(start.faults)
         self.led = start.led.copy()
         self.alive: Mask = start.detector > 0
         self.used: Mask = self.alive.copy()
         self.strange = 0
+        self.pressed = False
         self._running = np.zeros(COUNT, np.int64)
         self._mean = np.zeros(COUNT)
         self._frames = 0
@@ -75,30 +79,25 @@ class Channels:
         """
         off = np.abs(frame.left) > OUTLIER * max(frame.scale, 1.0)
         self._running = np.where(off, self._running + 1, 0)
-        self.used = self.alive & ~off
+        self.used = self.alive if self.pressed else self.alive & ~off
         self.strange = int(np.count_nonzero(self.alive & off))
         if not at_rest:
             return []
         named = []
+        left = np.where(self.alive, frame.left, 0.0)
         lasting = self.alive & (self._running >= _NAMED_AFTER)
         if lasting.any():
-            named += self._name(frame, np.where(self.alive, frame.left, 0.0), lasting, slow=False)
-        left = np.where(self.alive, frame.left, 0.0)
+            named += self._dead(frame, left, lasting)
         self._mean += (left - self._mean) / min(self._frames + 1, _SLOW)
         self._frames += 1
         if self._frames % _SLOW == 0:
-            limit = max(OUTLIER * 1.4826 * float(np.median(np.abs(self._mean[self.alive]))), _LEAST_DRIFT)
-            # what is off at a stroke is a dent, or a fault that shows by its light alone
-            drifting = (np.abs(self._mean) > limit) & (np.abs(self._mean) < _STROKE)
-            if drifting.any():
-                named += self._name(frame, self._mean, drifting, slow=True)
+            named += self._drifting()
         return named
 
-    def _name(self, frame: Seen, left: Float, doubted: Mask, *, slow: bool) -> list[str]:
-        """Leave out the one channel that explains most of what is left (256,), in sigmas, if any does.
+    def _dead(self, frame: Seen, left: Float, lasting: Mask) -> list[str]:
+        """Leave out the one channel without light, or with all of it, that explains most of what is left.
 
-        doubted: (256,) the detectors that are off. A detector alone among its neighbours is to blame itself;
-        several may be around a narrow dent. At once, only what has no light at all, or all, is a fault.
+        lasting: (256,) the detectors that are off. Several may be around a narrow dent.
         """
         columns = np.array([seen(frame.light, one) for one in np.diag(frame.lit)]).T / frame.sigma
         columns[~self.alive] = 0.0
@@ -109,33 +108,36 @@ class Channels:
         noise = (1.4826 * float(np.median(np.abs(left[self.alive])))) ** 2
         place = (columns > _FOOTPRINT * columns.max(axis=0)).T
         around = place @ np.maximum(left**2 - noise, 0.0)
-        dark = share < _DARK * power
-        if slow:
-            explained[place @ (np.abs(left) >= _STROKE) > 0] = 0.0
-        else:
-            explained[(explained < _WHOLE * around) | ~dark] = 0.0
-        saturated, dead = frame.counts > _SATURATED * FULL_SCALE, frame.reading < _DEAD
-        alone = doubted & ((_neighbours(doubted & ~dead & ~saturated) == 0) & slow | dead | saturated)
+        explained[(explained < _WHOLE * around) | (share >= _DARK * power)] = 0.0
+        saturated = frame.counts > _SATURATED * FULL_SCALE
+        alone = lasting & (saturated | (frame.reading < _DEAD))
         detector, led = int(np.argmax(np.abs(left) * alone)), int(np.argmax(explained))
         if explained[led] > (left[detector] ** 2 if alone[detector] else 0.0):
-            name, word = f"LED {led}", "dead" if dark[led] else "drifting"
-            self.led[led] = 0.0
-            self._running[:] = 0
-        elif alone[detector]:
-            name = f"detector {detector}"
-            word = "saturated" if saturated[detector] else "dead" if dead[detector] else "drifting"
-            self.alive[detector] = False
-            self._running[detector] = 0
-        else:
+            return self._leave_out(led, "dead", led=True)
+        if alone[detector]:
+            return self._leave_out(detector, "saturated" if saturated[detector] else "dead", led=False)
+        return []
+
+    def _drifting(self) -> list[str]:
+        """Leave out the one channel that explains the mean of what is left, if it is no dent that does."""
+        limit = max(OUTLIER * 1.4826 * float(np.median(np.abs(self._mean[self.alive]))), _LEAST_DRIFT)
+        # what is off at a stroke is a dent, or a fault that shows by its light alone
+        if not ((np.abs(self._mean) > limit) & (np.abs(self._mean) < _STROKE)).any():
             return []
+        found = self._finer.channel(self._mean, _SLOW)
+        return [] if found is None else self._leave_out(found[0], "drifting", led=found[1])
+
+    def _leave_out(self, number: int, word: str, *, led: bool) -> list[str]:
+        """Leave out a channel for good; what to say of it."""
+        if led:
+            self.led[number] = 0.0
+            self._running[:] = 0
+        else:
+            self.alive[number] = False
+            self._running[number] = 0
+            self._finer.use(self.alive)
         self._mean[:] = 0.0
         self._frames = 0
+        name = f"{'LED' if led else 'detector'} {number}"
         self.faults[name] = word
         return [f"{name} is {word} and left out"]
-
-
-def _neighbours(of: Mask) -> Ints:
-    """(256,) how many of a detector's eight neighbours are in a set."""
-    padded = np.pad(of.reshape(SIDE, SIDE).astype(np.int64), 1)
-    total = sum(np.roll(padded, (a, b), (0, 1)) for a in (-1, 0, 1) for b in (-1, 0, 1))
-    return np.asarray((total - padded)[1:-1, 1:-1].ravel())

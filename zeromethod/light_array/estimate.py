@@ -13,9 +13,8 @@ from zeromethod.light_array.modes import Modes
 from zeromethod.light_array.optics import COUNT, ArrayOptics
 from zeromethod.light_array.rig import SIDE, LightArrayRig
 
-_REACH = 3
-_WINDOW = 2 * _REACH + 1
-"""LEDs on either side of the nearest one whose spots count: beyond, less than 1e-5 of the light is left."""
+_LEFT_OUT = 1e-4
+"""Light of an LED, of what it gives where it is looked at, below which it does not count."""
 
 _OUTLIER = 6.0
 """Residual, in robust standard deviations, from which a channel is not believed in a frame."""
@@ -31,9 +30,9 @@ class Model(NamedTuple):
     """What does not change during a run.
 
     fields: (6 * 256, modes) of `Modes.derivatives` where detectors look. along: (256,) how far along x a
-    ray goes on per depth. tails: (256, 4) of spots, by how many LEDs off. by_mode: (2, 256, modes) place
-    looked at, LED pitches, per mode, at rest. prior: (modes + 2,) 1 / variance of the state. sigma: noise of
-    one reading.
+    ray goes on per depth. tails: (256, reach + 1) of spots, by how many LEDs off, as far as they count.
+    by_mode: (2, 256, modes) place looked at, LED pitches, per mode, at rest. off: (256, 2) LED pitches that
+    are to be added. prior: (modes + 2,) 1 / variance of the state. sigma: noise of one reading.
     """
 
     fields: Float
@@ -46,6 +45,7 @@ class Model(NamedTuple):
     blur: Float
     tails: Float
     by_mode: Float
+    off: Float
     prior: Float
     sigma: float
 
@@ -56,6 +56,13 @@ class Light(NamedTuple):
     near: Ints
     along: Float
     across: Float
+
+
+class Look(NamedTuple):
+    """Where detectors look: (256, 2) LED pitches, and what they see there."""
+
+    place: Float
+    light: Light
 
 
 _DAMPING = 0.03
@@ -71,6 +78,26 @@ def model_of(rig: LightArrayRig) -> Model:
     """Model of a rig's optics and modes."""
     optics, modes = ArrayOptics.of(rig), Modes.of(rig)
     fields = modes.derivatives(optics.mirror_mm[:, :2])
+    by_mode = place_by(optics, fields)
+    count = fields.shape[2]
+    prior = np.ones(count + 2)
+    prior[count], prior[count + 1] = _PRIOR_LIGHT**-2, _PRIOR_AMBIENT**-2
+    blur = optics.blur_mm / optics.pitch_mm
+    reach = math.ceil(blur.max() * math.sqrt(-2 * math.log(_LEFT_OUT)) - 0.5)
+    tails = np.exp(-(np.arange(reach + 1) ** 2) / (2 * blur[:, None] ** 2))
+    return Model(
+        fields.reshape(6 * COUNT, count), optics.mirror_mm, optics.direction,
+        -optics.direction[:, 0] / optics.direction[:, 2],
+        np.array([optics.led_edge_mm, optics.led_along, optics.led_normal]), optics.first_mm, optics.pitch_mm,
+        blur, tails, by_mode, np.zeros((COUNT, 2)), prior, rig.detectors.noise,
+    )  # fmt: skip
+
+
+def place_by(optics: ArrayOptics, fields: Float) -> Float:
+    """(2, 256, n) place looked at, LED pitches, by each of n surfaces of little depth.
+
+    fields: (3 or more, 256, n) their depth and slopes where detectors look.
+    """
     zero, step = np.zeros(COUNT), 1e-5
     changes = []
     for which in range(3):
@@ -82,18 +109,7 @@ def model_of(rig: LightArrayRig) -> Model:
             )
             changes.append(optics.looked_at(depth, slope, place))
     by = [(changes[2 * k] - changes[2 * k + 1]) / (2 * step) for k in range(3)]
-    by_mode = np.array([sum(by[k][:, axis, None] * fields[k] for k in range(3)) for axis in (0, 1)])
-    count = fields.shape[2]
-    prior = np.ones(count + 2)
-    prior[count], prior[count + 1] = _PRIOR_LIGHT**-2, _PRIOR_AMBIENT**-2
-    blur = optics.blur_mm / optics.pitch_mm
-    tails = np.exp(-(np.arange(_REACH + 1) ** 2) / (2 * blur[:, None] ** 2))
-    return Model(
-        fields.reshape(6 * COUNT, count), optics.mirror_mm, optics.direction,
-        -optics.direction[:, 0] / optics.direction[:, 2],
-        np.array([optics.led_edge_mm, optics.led_along, optics.led_normal]), optics.first_mm, optics.pitch_mm,
-        blur, tails, np.ascontiguousarray(by_mode), prior, rig.detectors.noise,
-    )  # fmt: skip
+    return np.array([sum(by[k][:, axis, None] * fields[k] for k in range(3)) for axis in (0, 1)])
 
 
 @numba.njit(cache=True)
@@ -119,16 +135,17 @@ def looked_at(model: Model, modes: Float) -> Float:
         reach = -(px * face[2, 0] + py * face[2, 1] + pz * face[2, 2])
         reach /= rx * face[2, 0] + ry * face[2, 1] + rz * face[2, 2]
         px, py, pz = px + reach * rx, py + reach * ry, pz + reach * rz
-        place[k, 0] = (px * face[1, 0] + py * face[1, 1] + pz * face[1, 2] - model.first[0]) / model.pitch
-        place[k, 1] = (py - model.first[1]) / model.pitch
+        on_face = px * face[1, 0] + py * face[1, 1] + pz * face[1, 2]
+        place[k, 0] = (on_face - model.first[0]) / model.pitch + model.off[k, 0]
+        place[k, 1] = (py - model.first[1]) / model.pitch + model.off[k, 1]
     return place
 
 
 @numba.njit(cache=True)
 def light_at(model: Model, place: Float) -> Light:
     """Spots of the LEDs around the places (256, 2) that detectors look at."""
-    near = np.empty((COUNT, 2), np.int64)
-    spots = np.empty((2, COUNT, _WINDOW))
+    near, reach = np.empty((COUNT, 2), np.int64), model.tails.shape[1] - 1
+    spots = np.empty((2, COUNT, 2 * reach + 1))
     for k in range(COUNT):
         square = model.blur[k] ** 2
         for axis in range(2):
@@ -137,31 +154,38 @@ def light_at(model: Model, place: Float) -> Light:
             near[k, axis] = round(at)
             off = at - near[k, axis]
             spot = spots[axis, k]
-            spot[_REACH] = np.exp(-off * off / (2 * square)) / np.sqrt(2 * np.pi * square)
-            up = down = spot[_REACH]
+            spot[reach] = np.exp(-off * off / (2 * square)) / np.sqrt(2 * np.pi * square)
+            up = down = spot[reach]
             rise, fall = np.exp(off / square), np.exp(-off / square)
-            for j in range(1, _REACH + 1):
+            for j in range(1, reach + 1):
                 up *= rise
                 down *= fall
-                spot[_REACH + j], spot[_REACH - j] = up * model.tails[k, j], down * model.tails[k, j]
+                spot[reach + j], spot[reach - j] = up * model.tails[k, j], down * model.tails[k, j]
     return Light(near, spots[0], spots[1])
 
 
+@numba.njit(cache=True)
+def look(model: Model, modes: Float) -> Look:
+    """Where detectors look by the mirror of modes, and the LEDs' spots there."""
+    place = looked_at(model, modes)
+    return Look(place, light_at(model, place))
+
+
 @numba.njit(cache=True, inline="always")
-def _inside(near: int) -> tuple[int, int]:
+def _inside(near: int, reach: int) -> tuple[int, int]:
     """First of a window's spots that are on the array, and the one after the last."""
-    return max(0, _REACH - near), min(_WINDOW, SIDE + _REACH - near)
+    return max(0, reach - near), min(2 * reach + 1, SIDE + reach - near)
 
 
 @numba.njit(cache=True, fastmath=True)
 def seen(light: Light, levels: Float) -> Float:
     """(256,) light that each detector sees of levels (256,)."""
-    total = np.zeros(COUNT)
+    total, reach = np.zeros(COUNT), light.along.shape[1] // 2
     for k in range(COUNT):
-        first, last = _inside(light.near[k, 0])
-        start, end = _inside(light.near[k, 1])
+        first, last = _inside(light.near[k, 0], reach)
+        start, end = _inside(light.near[k, 1], reach)
         for j in range(start, end):
-            at = (light.near[k, 1] - _REACH + j) * SIDE + light.near[k, 0] - _REACH
+            at = (light.near[k, 1] - reach + j) * SIDE + light.near[k, 0] - reach
             part = 0.0
             for i in range(first, last):
                 part += light.along[k, i] * levels[at + i]
@@ -170,36 +194,42 @@ def seen(light: Light, levels: Float) -> Float:
 
 
 @numba.njit(cache=True, fastmath=True)
-def _seen_and_slope(light: Light, levels: Float) -> Float:
-    """(3, 256) light that each detector sees, and the same weighted by column and by row of the LEDs."""
-    total = np.zeros((3, COUNT))
+def light_by_place(model: Model, at: Look, levels: Float) -> tuple[Float, Float]:
+    """(256,) light that each detector sees, and (2, 256) how it changes with the place looked at.
+
+    The second in sigmas of a reading per LED pitch.
+    """
+    place, light = at
+    total, by_place, reach = np.zeros(COUNT), np.empty((2, COUNT)), light.along.shape[1] // 2
     for k in range(COUNT):
-        first, last = _inside(light.near[k, 0])
-        start, end = _inside(light.near[k, 1])
-        left = light.near[k, 0] - _REACH
+        first, last = _inside(light.near[k, 0], reach)
+        start, end = _inside(light.near[k, 1], reach)
+        left, below = light.near[k, 0] - reach, light.near[k, 1] - reach
+        along = across = 0.0
         for j in range(start, end):
-            row = light.near[k, 1] - _REACH + j
             part = slope = 0.0
             for i in range(first, last):
-                one = light.along[k, i] * levels[row * SIDE + left + i]
+                one = light.along[k, i] * levels[(below + j) * SIDE + left + i]
                 part += one
-                slope += (left + i) * one
-            total[0, k] += light.across[k, j] * part
-            total[1, k] += light.across[k, j] * slope
-            total[2, k] += light.across[k, j] * row * part
-    return total
+                slope += (left + i - place[k, 0]) * one
+            total[k] += light.across[k, j] * part
+            along += light.across[k, j] * slope
+            across += light.across[k, j] * (below + j - place[k, 1]) * part
+        weight = 1 / (model.blur[k] ** 2 * model.sigma)
+        by_place[0, k], by_place[1, k] = weight * along, weight * across
+    return total, by_place
 
 
 @numba.njit(cache=True, fastmath=True)
 def _back(light: Light, values: Float) -> Float:
     """(256,) the transpose of `seen`."""
-    total = np.zeros(COUNT)
+    total, reach = np.zeros(COUNT), light.along.shape[1] // 2
     for k in range(COUNT):
         if values[k] != 0.0:
-            first, last = _inside(light.near[k, 0])
-            start, end = _inside(light.near[k, 1])
+            first, last = _inside(light.near[k, 0], reach)
+            start, end = _inside(light.near[k, 1], reach)
             for j in range(start, end):
-                at = (light.near[k, 1] - _REACH + j) * SIDE + light.near[k, 0] - _REACH
+                at = (light.near[k, 1] - reach + j) * SIDE + light.near[k, 0] - reach
                 part = light.across[k, j] * values[k]
                 for i in range(first, last):
                     total[at + i] += light.along[k, i] * part
@@ -262,13 +292,14 @@ def next_levels(
 
 
 class Fit(NamedTuple):
-    """What a frame says. state: after the step; left: (256,) residual after it, in sigmas.
+    """What a frame says. state: after the step; look: by it. left: (256,) residual after it, in sigmas.
 
     moved: largest change of a place by the step, LED pitches. scale: robust size of `left`, 1 for noise
     alone.
     """
 
     state: Float
+    look: Look
     left: Float
     moved: float
     scale: float
@@ -278,6 +309,7 @@ class Fit(NamedTuple):
 def fit(
     model: Model,
     state: Float,
+    at: Look,
     covariance: Float,
     fresh: bool,
     lit: Float,
@@ -287,26 +319,22 @@ def fit(
 ) -> Fit:
     """Step of Gauss and Newton from `state` (modes, then brightness and light from outside), by one frame.
 
-    covariance: of the state, (n, n), renewed in place where `fresh`. lit: (256,) levels times the LEDs'
-    gains. offset: (256,) what readings have at rest that the model has not. reading: (256,). used: which of
-    them count.
+    at: by the state. covariance: of the state, (n, n), renewed in place where `fresh`. lit: (256,) levels by
+    the LEDs' gains. offset: (256,) what readings have at rest that the model has not. reading: (256,). used:
+    which of them count.
     """
     count = len(state) - 2
-    place = looked_at(model, state[:count])
-    total = _seen_and_slope(light_at(model, place), lit)
+    bright = 1 + state[count]
+    total, by_place = light_by_place(model, at, lit)
     jacobian = np.empty((COUNT, count + 2))
     left = np.empty(COUNT)
-    bright = 1 + state[count]
     for k in range(COUNT):
-        square = model.blur[k] ** 2
-        weight = bright / (square * model.sigma)
-        by_u = weight * (total[1, k] - place[k, 0] * total[0, k])
-        by_v = weight * (total[2, k] - place[k, 1] * total[0, k])
-        left[k] = (reading[k] - offset[k] - bright * total[0, k] - state[count + 1]) / model.sigma
+        by_u, by_v = bright * by_place[0, k], bright * by_place[1, k]
+        left[k] = (reading[k] - offset[k] - bright * total[k] - state[count + 1]) / model.sigma
         on = 1.0 if used[k] else 0.0
         for j in range(count):
             jacobian[k, j] = on * (by_u * model.by_mode[0, k, j] + by_v * model.by_mode[1, k, j])
-        jacobian[k, count] = on * total[0, k] / model.sigma
+        jacobian[k, count] = on * total[k] / model.sigma
         jacobian[k, count + 1] = on / model.sigma
     if fresh:
         information = jacobian.T @ jacobian
@@ -320,4 +348,5 @@ def fit(
             rest[k] = left[k]
     moved = max(np.abs(model.by_mode[0] @ step[:count]).max(), np.abs(model.by_mode[1] @ step[:count]).max())
     size = np.abs(rest)
-    return Fit(state + step, rest, moved, 1.4826 * np.median(size[used]))
+    state = state + step
+    return Fit(state, look(model, state[:count]), rest, moved, 1.4826 * np.median(size[used]))

@@ -20,6 +20,8 @@ _SERIAL = re.compile(r"serial://(/.+)")
 ALLOWED = '"simulated", udp://HOST:PORT, or serial:///dev/NAME'
 _RECEIVE_BUFFER_BYTES = 1 << 21
 _MOST_AT_ONCE = 1 << 16
+_WAITING = 5
+"""Newest readings that wait where the host is late: older ones are lost, as the gap in the numbers says."""
 
 
 class LinkedArrays:
@@ -38,7 +40,7 @@ class LinkedArrays:
             raise InputError(f"arrays.address: {address!r}: allowed: {ALLOWED}")
         self._handle = -1
         self._socket: socket.socket | None = None
-        self._frames, self._waiting = Frames(READINGS), deque[Readings]()
+        self._frames, self._waiting = Frames(READINGS), deque[Readings](maxlen=_WAITING)
         try:
             self._open()
         except OSError as error:
@@ -96,19 +98,23 @@ class LinkedArrays:
         return self._waiting.popleft()
 
     def _read(self) -> None:
-        if self._socket is not None:
-            found = unpacked(self._socket.recv(FRAME_BYTES + 1), READINGS)
+        """Take all that has come."""
+        while self._socket is not None:
+            try:
+                found = unpacked(self._socket.recv(FRAME_BYTES + 1, socket.MSG_DONTWAIT), READINGS)
+            except BlockingIOError:
+                return
             if found is None:
                 self.refused += 1
             else:
                 self._waiting.append(found)
-            return
-        data = os.read(self._handle, _MOST_AT_ONCE)
-        if not data:
-            raise OSError("the serial line was closed")
-        before = self._frames.broken
-        self._waiting.extend(self._frames.add(data))
-        self.refused += self._frames.broken - before
+        while select.select([self._handle], [], [], 0)[0]:
+            data = os.read(self._handle, _MOST_AT_ONCE)
+            if not data:
+                raise OSError("the serial line was closed")
+            before = self._frames.broken
+            self._waiting.extend(self._frames.add(data))
+            self.refused += self._frames.broken - before
 
     def reopen(self) -> bool:
         """Try once to open what was lost."""

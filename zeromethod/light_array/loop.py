@@ -16,13 +16,14 @@ from zeromethod.contact import Contact
 from zeromethod.light_array.channels import Channels, Seen
 from zeromethod.light_array.depth import DepthReader
 from zeromethod.light_array.devices import FULL_SCALE, ArraysLost, Counts, LightArrays, Readings
-from zeromethod.light_array.estimate import fit, light_at, looked_at, model_of, next_levels
+from zeromethod.light_array.estimate import Fit, fit, look, model_of, next_levels
+from zeromethod.light_array.finer import FinerDents
 from zeromethod.light_array.optics import COUNT
 from zeromethod.light_array.rig import LightArrayRig
 from zeromethod.light_array.start import Start, measure_start
 from zeromethod.loop.state import LOCK_FRAMES, State
 from zeromethod.loop.step import StepFigures
-from zeromethod.surface import Surface
+from zeromethod.surface import Peak, Surface
 
 READ_EVERY = 5
 """Frames that are averaged to one reading of depth: 1 kHz of 5."""
@@ -39,16 +40,24 @@ _LOCK_SIGMAS = 2.0
 _FITS = 2.0
 """Robust residual, in sigmas, above which the modes do not explain what is seen."""
 
+_RESTARTED = 20
+"""Readings in a row whose numbers are not above the last, by which the arrays have started again."""
+
 _MOST_STRANGE = 6
 """Detectors that are off in a frame, beyond which it is none of single ones: a narrow dent, a contact."""
 
 _SETTLED = 0.02
 """Step of a place looked at, LED pitches, below which a frame's linear reading is exact enough."""
 
+_MOST_HIDDEN = 0.2
+"""Depth that the modes miss of a finer dent, of the peak, from which they do not read it."""
+
 _FEWEST_USED = 0.5
 _UNFIT_FRAMES = 50
 _UNFIT_WORDS = "the depth modes do not explain the light: too fine a dent, light from outside, another bench"
+_FINER_WORDS = "a dent finer than the depth modes, which would read it too shallow,"
 _STRANGE_WORDS = "readings show levels that were not sent: is there a second host?"
+_DARK_WORDS = "the arrays show no levels yet"
 _REST_SIGMAS = 5.0
 _TIMEOUT_S, _RETRY_S = 0.1, 0.2
 
@@ -76,7 +85,8 @@ class LightLoop:
     def __init__(self, rig: LightArrayRig, arrays: LightArrays) -> None:
         self.rig, self.arrays = rig, arrays
         self.model = model_of(rig)
-        self.reader = DepthReader(rig, self.model)
+        self._finer = FinerDents(rig)
+        self.reader = DepthReader(rig, self._finer)
         self.counts: Counter[str] = Counter()
         self.start: Start | None = None
         self.state, self.reason = State.STARTING, ""
@@ -84,12 +94,15 @@ class LightLoop:
         self._sent: deque[tuple[int, Counts]] = deque(maxlen=_REMEMBERED)
         self._number = self._frames = self._refused = 0
         self._last: Readings | None = None
-        self._estimate = np.zeros(len(self.model.prior))
+        self._from_rest()
         self._covariance = np.diag(1 / self.model.prior)
         self._nulled = self._unfit = 0
         self._settled = self._resting = self._at_rest = False
         self._silent_s = 0.0
-        self._readings: list[Float] = []
+        self._backwards = 0
+        self._notes: tuple[str, ...] = ()
+        self._readings: list[Fit] = []
+        self._finer_dent = ""
         self._begin_ns = 0
 
     @property
@@ -102,7 +115,9 @@ class LightLoop:
         try:
             if self.start is None:
                 self.start = measure_start(self.rig, self.model, self._exchange)
-                self._channels = Channels(self.start)
+                self._channels = Channels(self.start, self._finer)
+                self.model = self.start.model
+                self._from_rest()
                 self._send(self.start.levels)
                 yield self._step(
                     notes=tuple(f"{name} is {why} and left out" for name, why in self.faults.items())
@@ -122,6 +137,11 @@ class LightLoop:
                     break
         except _GivenUp:
             yield self._step()
+
+    def _from_rest(self) -> None:
+        """Take it that the mirror is at rest, for the next frame to start from."""
+        self._estimate = np.zeros(len(self.model.prior))
+        self._look = look(self.model, self._estimate[:-2])
 
     def stop(self) -> None:
         """End the run after the frame in hand."""
@@ -187,12 +207,23 @@ class LightLoop:
             return None
         self._silent_s = 0.0
         if last is not None and got.number <= last.number:
-            self.counts["readings out of order"] += 1
-            return self._next()
-        if last is not None and (missing := got.number - last.number - 1):
-            self.counts["readings lost"] += missing
+            self._backwards += 1
+            if self._backwards < _RESTARTED:
+                return None
+            self._restarted(got, last)
+        elif last is not None:
+            late = {"readings out of order": self._backwards, "readings lost": got.number - last.number - 1}
+            self.counts.update({name: count for name, count in late.items() if count})
+        self._backwards = 0
         self._last = got
         return got
+
+    def _restarted(self, got: Readings, last: Readings) -> None:
+        """Go on with arrays that count from the start again, and whose clock may, too."""
+        self.counts.update({"arrays started again": 1, "readings lost": self._backwards - 1})
+        self._notes += ("the arrays started again: readings go on by what was measured before",)
+        if self._begin_ns:
+            self._begin_ns += got.time_ns - last.time_ns
 
     def _lost(self, why: str) -> None:
         """Try to open what was lost, for as long as the rig says."""
@@ -215,7 +246,7 @@ class LightLoop:
         shown = next((levels for number, levels in reversed(self._sent) if number == got.shown), None)
         if shown is None:
             self.counts["readings of levels never sent"] += 1
-            self.state, self.reason = State.HOLDING, _STRANGE_WORDS
+            self.state, self.reason = State.HOLDING, _STRANGE_WORDS if got.shown else _DARK_WORDS
             self._send(self._sent[-1][1])
             return self._step(got)
         channels = self._channels
@@ -225,6 +256,7 @@ class LightLoop:
         found = fit(
             self.model,
             self._estimate,
+            self._look,
             self._covariance,
             fresh,
             lit,
@@ -232,10 +264,10 @@ class LightLoop:
             reading,
             channels.used,
         )
-        self._estimate = found.state
+        self._estimate, self._look = found.state, found.look
         self._settled = found.moved < _SETTLED
         fits = found.scale < _FITS
-        light = light_at(self.model, looked_at(self.model, found.state[:-2]))
+        light = found.look.light
         missing = np.where(channels.used, self.start.rest - reading, 0.0)
         used = int(np.count_nonzero(channels.used))
         wanted, could, residual = next_levels(
@@ -248,22 +280,15 @@ class LightLoop:
             self.model.sigma,
         )
         self._send(np.rint(wanted * FULL_SCALE).astype(np.uint16))
-        at_rest = self._at_rest and fits and self._unfit < _UNFIT_FRAMES
+        at_rest = self._at_rest and fits and (self._unfit < _UNFIT_FRAMES or bool(self._finer_dent))
         frame = Seen(found.left, found.scale, got.counts, reading, light, lit, self.model.sigma)
         notes = channels.see(frame, at_rest)
         for note in notes:
             self.counts[note.removesuffix(" and left out")] += 1
         fits = fits and channels.strange <= _MOST_STRANGE
-        self._judge(could / self.model.sigma, fits, used)
-        modes = self._read(found.state) if fits else None
-        left = np.where(channels.alive, found.left, 0.0)
-        peak = None
-        if modes is not None:
-            peak = self.reader.peak(modes, self._covariance, left, READ_EVERY)
-            self._at_rest = self._resting = abs(peak.depth_mm) < _REST_SIGMAS * peak.sigma_mm
-        surface = None
-        if modes is not None and self._frames % (READ_EVERY * SURFACE_EVERY) == 0:
-            surface = self.reader.surface(modes, self._covariance, left, READ_EVERY, got.time_ns)
+        read = self._read(found, got.time_ns) if fits else None
+        self._judge(could / self.model.sigma, fits and not self._finer_dent, used)
+        modes, peak, surface = read or (None, None, None)
         return self._step(
             got,
             notes=tuple(notes),
@@ -286,26 +311,43 @@ class LightLoop:
         if np.count_nonzero(self._channels.alive) < _FEWEST_USED * COUNT:
             self.state, self.reason = State.LOST, "more than half of the detectors are left out"
         elif self._unfit >= _UNFIT_FRAMES or used < _FEWEST_USED * COUNT:
-            self.state, self.reason = State.LOST, _UNFIT_WORDS
-            if self._unfit % _UNFIT_FRAMES == 0:  # look for it again from the mirror at rest
-                self._estimate = np.zeros(len(self._estimate))
+            self.state, self.reason = State.LOST, self._finer_dent or _UNFIT_WORDS
+            if (
+                self._unfit % _UNFIT_FRAMES == 0 and not self._finer_dent
+            ):  # look for it again from the mirror at rest
+                self._from_rest()
         elif self._nulled >= LOCK_FRAMES:
             self.state, self.reason = State.RESTING if self._resting else State.LOCKED, ""
         else:
             self.state, self.reason, self._resting = State.NULLING, "", False
 
-    def _read(self, state: Float) -> Float | None:
-        """Mean of the last frames' modes, where this frame ends them."""
-        self._readings = [*self._readings[1 - READ_EVERY :], state] if self._settled else []
+    def _read(self, found: Fit, time_ns: int) -> tuple[Float, Peak, Surface | None] | None:
+        """Modes, mean of the last frames, where this frame ends them, their peak, and now and then a map."""
+        self._readings = [*self._readings[1 - READ_EVERY :], found] if self._settled else []
         if self._frames % READ_EVERY or len(self._readings) < READ_EVERY:
             return None
-        return np.asarray(sum(self._readings[1:], self._readings[0])[:-2] / READ_EVERY)
+        modes = np.mean([one.state[:-2] for one in self._readings], axis=0)
+        left = np.mean([one.left for one in self._readings], axis=0)
+        finer = self._finer.find(np.where(self._channels.alive, left, 0.0), READ_EVERY)
+        self._channels.pressed = finer.sure
+        peak, noise_mm = self.reader.peak(modes, self._covariance, finer, READ_EVERY)
+        self._at_rest = abs(peak.depth_mm) < _REST_SIGMAS * peak.sigma_mm
+        self._resting = abs(peak.depth_mm) < _REST_SIGMAS * noise_mm and not finer.sure
+        self._finer_dent = ""
+        if finer.sure and finer.hidden_mm > _MOST_HIDDEN * abs(peak.depth_mm):
+            self._finer_dent = f"{_FINER_WORDS} at {finer.x_mm:.0f}, {finer.y_mm:.0f} mm"
+            return None
+        surface = None
+        if self._frames % (READ_EVERY * SURFACE_EVERY) == 0:
+            surface = self.reader.surface(modes, self._covariance, finer, READ_EVERY, time_ns)
+        return modes, peak, surface
 
     def _step(self, got: Readings | None = None, **more: Any) -> LightStep:
         """Step of the newest readings, or of none."""
         last = got or self._last
         at_ns = 0 if last is None else last.time_ns
         phase = getattr(self.arrays, "phase_at", None)
+        notes, self._notes = self._notes + more.pop("notes", ()), ()
         return LightStep(
             number=self._frames,
             time_ns=at_ns,
@@ -315,6 +357,7 @@ class LightLoop:
             phase=phase(at_ns) if phase is not None else "",
             frame_number=None if got is None else got.number,
             dropped=self.counts["readings lost"],
+            notes=notes,
             **more,
         )
 

@@ -42,6 +42,19 @@ class FramedMirror:
         # an image's own coordinate runs backwards: its slope has the other sign again
         return (both * depth).sum(0), (signs[:, 1] * by_x).sum(0), (signs[:, 0] * by_y).sum(0)
 
+    def peak(self, x: Float, y: Float) -> float:
+        """Depth where |depth| is greatest, near points of a grid x (n,), y (m,), mm."""
+        for _ in range(2):
+            across, along = np.meshgrid(x, y)
+            depth = self.field(across, along)[0]
+            best = int(np.argmax(np.abs(depth)))
+            at = across.ravel()[best], along.ravel()[best]
+            x, y = (
+                np.clip(centre + np.linspace(-1, 1, 21) * (line[1] - line[0]), line[0], line[-1])
+                for centre, line in zip(at, (x, y), strict=True)
+            )
+        return float(depth.ravel()[best])
+
 
 class SimulatedArrays:
     """Arrays in simulated time. scenario: what presses, from `simulation.begin_s` on."""

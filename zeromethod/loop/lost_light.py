@@ -7,6 +7,10 @@ flagged (`sensing.shading`); here is what a few percent do, which no rule about 
 
 Light may also change smoothly, by a backlight that drifts or a mirror that tilts. So it is held against that
 of nodes to both sides whose windows do not share the contact.
+
+Until the mirror was at rest, an edge of the light counts in another way, too: of dirt, or of a lamp's image
+whose displacements are known from the rest on (`session.uneven_rest`). The mean bends there from node to
+node, as `sensing.shading` says.
 """
 
 from __future__ import annotations
@@ -19,6 +23,7 @@ import numpy as np
 
 from zeromethod.arrays import Flags, Float, Mask, Single
 from zeromethod.sensing.residual import Residual
+from zeromethod.sensing.shading import leak
 
 APART_NODES = 3
 """Way to the nodes that it is held against: windows reach two nodes."""
@@ -28,15 +33,19 @@ _BEYOND = 2 * APART_NODES
 FRAMES = 16
 """Frames at rest whose mean light is the light at rest."""
 
+BEND_PERIODS = 0.31
+"""Phase error, periods, per bend of the mean over the mean: a bend is a quarter of a step, which moves the
+phase by up to 2.5 px of 16 times its share of the light: half of that."""
+
 NOISES2 = 9.0
 """Square of the deviations of noise that say nothing."""
 
 
 class LostLight:
-    """Adds what lost light may do to the sigma of residuals; nothing until it knows the light at rest."""
+    """Adds what lost light may do to the sigma of residuals; until light at rest is known, what edges may."""
 
     def __init__(self, shape: tuple[int, int], period_px: float, black_grey: float) -> None:
-        self._px_per_rad = period_px / (2 * math.pi)
+        self._period_px, self._px_per_rad = period_px, period_px / (2 * math.pi)
         self._black = black_grey
         self._frames = 0
         self._rest = np.zeros(shape, np.float32)
@@ -53,11 +62,47 @@ class LostLight:
 
     def open(self, residual: Residual) -> None:
         """Add that to the sigma of a residual, in place: a copy would cost as much as all of this."""
+        if self._frames == 0:
+            _open_edges(residual.arrays, self._black, self._period_px)
+            return
         seen = residual.mean, residual.modulation, residual.flags
-        nothing = NOISES2 * (1.0 + 1.0 / max(self._frames, 1))
+        nothing = NOISES2 * (1.0 + 1.0 / self._frames)
         _open(
             *seen, self._rest, self._black, self._px_per_rad, nothing, self._light, self._lack, residual.sigma
         )
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _bent(seen: tuple[Float, Float, Flags, Single, Single], period_px: float, j: int, i: int) -> float:
+    """Larger second difference of the mean at a node, grey levels, less what strain leaks into it."""
+    d, _, flags, modulation, mean = seen
+    most = 0.0
+    for way in range(2):
+        y, x = way, 1 - way
+        if flags[j - y, i - x] == 0 and flags[j + y, i + x] == 0:
+            bend = abs(float(mean[j - y, i - x] - 2 * mean[j, i] + mean[j + y, i + x]))
+            if bend > most:
+                most = max(most, bend - 4 * leak(modulation, d, flags, period_px, j, i, way))
+    return most
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _open_edges(seen: tuple[Float, Float, Flags, Single, Single], black: float, period_px: float) -> None:
+    """Add to sigma, px, what edges of the light at a node, or next to it, may do; seen: `Residual.arrays`."""
+    _, sigma, flags, _, mean = seen
+    rows, cols = mean.shape
+    off2 = np.zeros((rows, cols))
+    for j in range(1, rows - 1):
+        for i in range(1, cols - 1):
+            if flags[j, i] == 0:
+                by = BEND_PERIODS * period_px * _bent(seen, period_px, j, i) / (mean[j, i] - black)
+                off2[j, i] = max(by**2 - NOISES2 * min(sigma[j, i, 0], sigma[j, i, 1]) ** 2, 0.0)
+    for j in range(1, rows - 1):
+        for i in range(1, cols - 1):
+            most2 = off2[j - 1 : j + 2, i - 1 : i + 2].max()
+            if most2 > 0.0:
+                for k in range(2):
+                    sigma[j, i, k] = math.sqrt(sigma[j, i, k] ** 2 + most2)
 
 
 @numba.njit(cache=True, error_model="numpy")

@@ -56,13 +56,13 @@ def _step(d: Float, flags: Flags, period: float, k: int, r: int, c: int, y: int,
 
 
 @numba.njit(cache=True)
-def _leak(modulation: Single, d: Float, flags: Flags, period: float, r: int, c: int, way: int) -> float:
+def leak(modulation: Single, d: Float, flags: Flags, period: float, r: int, c: int, way: int) -> float:
     """Largest leak of the carrier into the mean by the local strain, grey levels.
 
     The window of the view's last node reaches two nodes further, where none is measured: strain goes straight
     on there. That takes nothing from the other carrier, as lost light does.
     """
-    leak, y, x = 0.0, way, 1 - way
+    leaked, y, x = 0.0, way, 1 - way
     first, last = flags[r - 2 * y, c - 2 * x] & OUTSIDE, flags[r + 2 * y, c + 2 * x] & OUTSIDE
     other = modulation[..., x]
     beyond = (first | last) and abs(_bend(other, r, c, way)) < STEADY_BEND * other[r, c]
@@ -72,8 +72,8 @@ def _leak(modulation: Single, d: Float, flags: Flags, period: float, r: int, c: 
         step = max(abs(before), abs(after))
         if beyond and k == way:
             step = max(step, abs(3 * after + 2 * before if last else 3 * before + 2 * after))
-        leak += modulation[r, c, k] * min(step / (period / 2), LARGEST_STRAIN) ** 2
-    return leak
+        leaked += modulation[r, c, k] * min(step / (period / 2), LARGEST_STRAIN) ** 2
+    return leaked
 
 
 @numba.njit(cache=True, fastmath=FAST)
@@ -117,8 +117,8 @@ def _is_edge(
                     bend = min(abs(before), abs(after))
         if bend <= LARGEST_BEND * light and slope <= LARGEST_SLOPE * light:
             continue
-        leak = _leak(modulation, d, flags, period, r, c, way)
-        if bend > LARGEST_BEND * light + 4 * leak or slope > LARGEST_SLOPE * light + 2 * leak:
+        leaked = leak(modulation, d, flags, period, r, c, way)
+        if bend > LARGEST_BEND * light + 4 * leaked or slope > LARGEST_SLOPE * light + 2 * leaked:
             return True
     return False
 

@@ -30,6 +30,8 @@ _SCATTER_FRAMES = 4
 _USUAL = 2.0
 """Times the median of what nodes state that it is taken for at least: what the null itself has gathered of
 noise in fine patterns goes slowly, and does not scatter."""
+_STATED = 2.0
+"""Times what the second frame states that the first does, from which it is left out."""
 _AROUND = 11
 """Nodes on a side of the square whose median a node is held against: dirt disturbs four across."""
 _NOISES = 4.0
@@ -99,6 +101,10 @@ class UnevenRest:
 
     def _learn(self, measured: Warp) -> None:
         valid = measured.valid
+        if self._frames == 1 and (self._variance > _STATED**2 * measured.sigma**2)[valid].any():
+            # until a rest is known sigma has in it what is to be learned (`loop.lost_light`)
+            self._frames = 0
+            self._seen[:], self._sum[:], self._square[:], self._variance[:] = 0.0, 0.0, 0.0, 0.0
         away = np.where(valid[..., None], measured.q - self._rest_q, 0.0)
         self._sum += away
         self._square += away**2
