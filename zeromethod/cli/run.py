@@ -127,6 +127,11 @@ def _address(ctx: click.Context, param: click.Parameter, value: str | None) -> s
     is_flag=True,
     help="Read depth on every camera pixel, too, about twice a second; the target then moves.",
 )
+@click.option(
+    "--rubbing",
+    is_flag=True,
+    help="Read how cloth, brushes, pile or grains rub along the mirror: the contact status.",
+)
 @figure_option
 @summary_option
 def run_command(
@@ -151,6 +156,7 @@ def run_command(
     follow_bench: bool,
     burst: str | None,
     fine: bool,
+    rubbing: bool,
     figure: Path | None,
     summary: Path | None,
     **others: Any,
@@ -193,6 +199,7 @@ def run_command(
             "strips": _STRIPS[strips],
             "follow_bench": follow_bench or None,
             "burst": burst,
+            "rubbing": rubbing or None,
         },
     )
     if fine:

@@ -1,7 +1,7 @@
 """What touches the mirror: found per pixel, outlined in mm, followed from touch to lift."""
 
 from zeromethod.contact.contact import Contact, ContactFigures, ContactImage, Probability
-from zeromethod.contact.finder import ContactFinder
+from zeromethod.contact.finder import ContactFinder, border_blur_px
 from zeromethod.contact.force import ForceReader, TotalForce
 from zeromethod.contact.lamp import Lamp
 from zeromethod.contact.polygon import closed, evenly
@@ -21,6 +21,7 @@ __all__ = [
     "Stripes",
     "ThreadFinder",
     "TotalForce",
+    "border_blur_px",
     "closed",
     "evenly",
     "finder_of",

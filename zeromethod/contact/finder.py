@@ -26,6 +26,7 @@ from zeromethod.contact.polygon import normals, perimeter, signed_area
 from zeromethod.contact.region import Region, RegionFinder
 from zeromethod.contact.rest import RestPicture
 from zeromethod.contact.shadow import Shadows
+from zeromethod.contact.textured import TexturedFinder
 from zeromethod.contact.track import ContactTrack
 from zeromethod.optics import Optics
 from zeromethod.optics.pupil import footprint_terms
@@ -54,8 +55,9 @@ class ContactFinder:
 
     def __init__(self, rig: Rig, optics: Optics, grid: NodeGrid) -> None:
         self._rest = RestPicture(rig, grid)
-        self._regions = RegionFinder(rig, grid, _blur_px(rig))
-        self._shadows = Shadows(optics, _blur_px(rig), self._regions.noise)
+        kind = TexturedFinder if rig.control.rubbing else RegionFinder
+        self._regions = kind(rig, grid, border_blur_px(rig))
+        self._shadows = Shadows(optics, border_blur_px(rig), self._regions.noise)
         self._places = MirrorPlaces(optics, grid)
         self._track = ContactTrack()
         self.unnamed: tuple[Contact, ...] = ()
@@ -212,7 +214,7 @@ def _outline(region: Region) -> Outline:
     return Outline(first, _PARTED_PX) if region.parted else refined(first, region.columns, region.model)
 
 
-def _blur_px(rig: Rig) -> float:
+def border_blur_px(rig: Rig) -> float:
     """Standard deviation of a border's blur by pixel and pupil; where no pupil is given, by some lens."""
     pupil = _LENS_PX
     if rig.camera.pupil_mm > 0:

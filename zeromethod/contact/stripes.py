@@ -59,11 +59,11 @@ def stripes(contact: Contact) -> Stripes | None:
     unlike = np.minimum(np.abs(np.nan_to_num(image.light) - contact.scattered), _UNLIKE)
     light = np.where(inside, unlike, 0.0)
     light = weight * (light - float((weight * light).sum() / weight.sum()))
-    found = _strongest(light)
+    found = strongest(light)
     if found is None:
         return None
     rows, cols = np.nonzero(inside)
-    cycles = _refined(light[inside], np.stack((cols, rows), axis=-1).astype(np.float64), found)
+    cycles = refined(light[inside], np.stack((cols, rows), axis=-1).astype(np.float64), found)
     per_px = float(np.hypot(*cycles))
     angle = float(np.degrees(np.arctan2(cycles[1], cycles[0])) % 180)
     phase = (np.stack((cols, rows), axis=-1) @ cycles) % 1
@@ -75,20 +75,20 @@ def stripes(contact: Contact) -> Stripes | None:
     return Stripes(image.mm_per_px / per_px, angle, (bright - dark) / max(bright + dark, 1e-9))
 
 
-def _strongest(light: Float) -> Float | None:
+def strongest(light: Float, least_periods: float = _LEAST_PERIODS) -> Float | None:
     """(2,) cycles per pixel along columns and rows of the highest peak of the spectrum."""
     rows, cols = (_FINE * side for side in light.shape)
     power = np.abs(np.fft.rfft2(light, (rows, cols)))
     down, across = np.fft.fftfreq(rows)[:, None], np.fft.rfftfreq(cols)[None, :]
     cycles = np.hypot(down, across)
-    power[(cycles < _LEAST_PERIODS / max(light.shape)) | (cycles > 1 / _FINEST_PX)] = 0
+    power[(cycles < least_periods / max(light.shape)) | (cycles > 1 / _FINEST_PX)] = 0
     if not power.any():
         return None
     row, col = np.unravel_index(int(np.argmax(power)), power.shape)
     return np.array([across[0, col], down[row, 0]])
 
 
-def _refined(light: Float, at: Float, cycles: Float) -> Float:
+def refined(light: Float, at: Float, cycles: Float) -> Float:
     """The same to a fraction of the spectrum's step. light: (n,) at pixels (n, 2)."""
     size = float(np.ptp(at, axis=0).max())
 

@@ -99,7 +99,9 @@ def order_check(rig: Rig, rest: Rest) -> OrderCheck | None:
 
 def burst(rig: Rig, rest: Rest) -> Burst | None:
     """Make what reads the warp where no picture can null; None where the rig wants none."""
-    if rig.control.burst == "never" or rig.control.controller != "composition":
+    # what rubs moves on before the coded pictures have been shown
+    rubs = rig.control.rubbing and rig.control.burst == "when-needed"
+    if rubs or rig.control.burst == "never" or rig.control.controller != "composition":
         return None
     return Burst(rest, rig.camera.noise.black_grey, always=rig.control.burst == "always")
 

@@ -15,6 +15,7 @@ from zeromethod.loop.call import Call
 from zeromethod.loop.drawing import Drawn
 from zeromethod.loop.events import Event
 from zeromethod.loop.state import State
+from zeromethod.rubbing import ContactStatus
 from zeromethod.sensing.residual import Residual
 from zeromethod.surface import Peak, Surface
 from zeromethod.surface.comparison import Comparison
@@ -43,6 +44,7 @@ class StepFigures:
     read and published, in real time; NaN in simulated time, which stands still meanwhile.
     touching: what touches the mirror in this frame, where it was read. total_force_n: sum of their forces, N,
     with its standard deviation; NaN where none is known.
+    contact_status: of a texture that rubs along the mirror; None where none does or `control.rubbing` is off.
     approach: what a watch camera sees come; None for a rig without one, and for the step that ends a run.
     pointers: what fingers did, by the newest reading, on an interactive surface.
     truth: the reading compared with the true mirror of a simulated bench.
@@ -76,6 +78,7 @@ class StepFigures:
     touching: tuple[ContactFigures, ...] = ()
     total_force_n: float = NAN
     sigma_total_force_n: float = NAN
+    contact_status: ContactStatus | None = None
     approach: Approach | None = None
     pointers: tuple[PointerEvent, ...] = ()
     truth: Comparison | None = None

@@ -19,6 +19,7 @@ from zeromethod.arrays import Image
 from zeromethod.contact import Contact
 from zeromethod.loop.step import Step
 from zeromethod.publishing.events import ContactEvent
+from zeromethod.rubbing import ContactStatus
 from zeromethod.surface import Peak
 
 SCHEMA_VERSION = 2
@@ -87,7 +88,8 @@ def encode(
         "in_contact": [_area(contact) for contact in step.contacts],
         "total_force_n": _number(step.total_force_n),
         "sigma_total_force_n": _number(step.sigma_total_force_n),
-        "approach": None if step.approach is None else _approach(step.approach),
+        "contact_status": None if step.contact_status is None else _numbers(step.contact_status),
+        "approach": None if step.approach is None else _numbers(step.approach),
         "arrays": described,
     }
     text = json.dumps(header, allow_nan=False).encode()
@@ -105,8 +107,8 @@ def _peak(peak: Peak) -> dict[str, float | str | None]:
     return {**numbers, **stated, "where": peak.where.value}
 
 
-def _approach(approach: Approach) -> dict[str, Any]:
-    figures = asdict(approach)
+def _numbers(of: Approach | ContactStatus) -> dict[str, Any]:
+    figures = asdict(of)
     return {name: _number(one) if isinstance(one, float) else one for name, one in figures.items()}
 
 

@@ -34,9 +34,10 @@ KINDS = {
     "drops": ("drop's row", "drops' rows"),
     "notes": ("note", "notes"),
     "approaches": ("row of what comes", "rows of what comes"),
+    "contact_status": ("contact status's row", "contact status's rows"),
     "calls": ("call's row", "calls' rows"),
 }
-"""Words for one item of a group, and for several; the last eight are tables alone."""
+"""Words for one item of a group, and for several; the last nine are tables alone."""
 
 
 _ROUGH, _SIGMAS = 0.5, 5.0

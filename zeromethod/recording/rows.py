@@ -16,6 +16,7 @@ from zeromethod.loop.step import Step
 from zeromethod.recording.contact_images import tiles
 from zeromethod.recording.message import Write
 from zeromethod.recording.schema import ANCHORS, EVENTS, OUTLINE_POINTS, STATES, Part, number_name
+from zeromethod.rubbing import ContactStatus
 from zeromethod.surface import Surface
 
 Item = tuple[str, Image]
@@ -134,6 +135,8 @@ class Rows:
         own |= {"x_sigma_mm": peak.sigma_x_mm, "y_sigma_mm": peak.sigma_y_mm}
         row = self._row("peaks/table", *self._fields("peaks/table", own, peak, step))
         rows = [row, *(self._contact(step, contact) for contact in step.contacts)]
+        if step.contact_status is not None:
+            rows.append(self._status(step, step.contact_status))
         if waiting.bytes:
             arrays += [item for contact in step.contacts for item in self._image(step.number, contact)]
         return [*((Write.WITH_ROOM, *item) for item in arrays), *((Write.ALWAYS, *item) for item in rows)]
@@ -160,6 +163,10 @@ class Rows:
     def _contact(self, step: Step, contact: Contact) -> Item:
         own = {"step": step.number, "outline_mm": evenly(contact.outline_mm, OUTLINE_POINTS)}
         return self._row("contacts/table", *self._fields("contacts/table", own, contact, step))
+
+    def _status(self, step: Step, status: ContactStatus) -> Item:
+        own = {"step": step.number, "motion": str(status.motion)}
+        return self._row("contact_status/table", *self._fields("contact_status/table", own, status, step))
 
     def _image(self, step: int, contact: Contact) -> Iterator[Item]:
         name = "contact_images/table"

@@ -189,6 +189,40 @@ APPROACHES: Fields = {
     "sigma_diameter_mm": ("f8", "mm", "standard deviation of diameter_mm"),
 }
 
+CONTACT_STATUS: Fields = {
+    "step": ("i8", "", "step that it was read from"),
+    "time_ns": ("i8", "ns", "mid-exposure of that step's frame on the run's clock"),
+    "contact_id": ("i4", "", "contact that it is of"),
+    "looked_mm2": ("f8", "mm2", "area looked at; this and all that follows: NaN where not known"),
+    "share": ("f8", "", "of that area in contact"),
+    "sigma_share": ("f8", "", "standard deviation of share"),
+    "spots_per_cm2": ("f8", "1/cm2", "spots in contact"),
+    "sigma_spots_per_cm2": ("f8", "1/cm2", "standard deviation of spots_per_cm2, as a sample of the texture"),
+    "spot_mm2": ("f8", "mm2", "mean size of a spot"),
+    "sigma_spot_mm2": ("f8", "mm2", "standard deviation of spot_mm2"),
+    "spot_life_s": ("f8", "s", "mean time that a spot stays in contact"),
+    "sigma_spot_life_s": ("f8", "s", "standard deviation of spot_life_s"),
+    "speed_mm_s": ("f8", "mm/s", "sliding along the mirror"),
+    "sigma_speed_mm_s": ("f8", "mm/s", "standard deviation of speed_mm_s"),
+    "direction_deg": ("f8", "deg", "of sliding, from x towards y"),
+    "sigma_direction_deg": ("f8", "deg", "standard deviation of direction_deg"),
+    "pitch_mm": ("f8", "mm", "from ridge to ridge, or row to row"),
+    "sigma_pitch_mm": ("f8", "mm", "standard deviation of pitch_mm"),
+    "ridge_deg": ("f8", "deg", "the way across ridges, from x towards y"),
+    "sigma_ridge_deg": ("f8", "deg", "standard deviation of ridge_deg"),
+    "force_n": ("f8", "N", "of the contact, into the rubber"),
+    "sigma_force_n": ("f8", "N", "standard deviation of force_n"),
+    "motion": ("S8", "", "stick, slip or unknown"),
+    "began_s": ("f8", "s", "how long it has moved so"),
+    "event": ("S8", "", "stick or slip where it is named in this frame"),
+    "aliased": (
+        "?",
+        "",
+        "it moves over half a pitch from frame to frame or while one is exposed, or is not clear",
+    ),
+    "reason": ("S160", "", "why what is NaN is not known"),
+}
+
 READINGS: Fields = {
     "time_ns": ("i8", "ns", "mid-exposure of the frame that it was read from"),
     "iterations": ("i4", "", "ray-surface intersections taken until depth settled"),
@@ -225,10 +259,14 @@ TABLES: Mapping[str, tuple[Fields, str]] = {
     "drops": (DROPS, "frames that are not in this file"),
     "notes": (NOTES, "messages to the operator"),
     "approaches": (APPROACHES, "what comes, one row per frame of the watch camera that was looked at"),
+    "contact_status": (
+        CONTACT_STATUS,
+        "how a texture rubs along the mirror, one row per frame that was read",
+    ),
     "calls": (CALLS, "methods that a person or a program called during the run"),
 }
 
-LATER = frozenset({"contacts", "contact_images", "fine_peaks", "approaches", "calls"})
+LATER = frozenset({"contacts", "contact_images", "fine_peaks", "approaches", "contact_status", "calls"})
 """Tables that files of this format may lack."""
 
 _WHY = "why a node is not to be trusted: bits named in the attribute `flags`; 0 = valid"

@@ -14,6 +14,7 @@ from zeromethod.recording.schema import (
     APPROACHES,
     CALLS,
     CONTACT_IMAGES,
+    CONTACT_STATUS,
     CONTACTS,
     EVENTS,
     FINE_PEAKS,
@@ -92,6 +93,12 @@ class Tables:
         if "approaches/table" not in self._source.names:
             return np.zeros(0, row_dtype(APPROACHES))
         return self.rows("approaches")
+
+    def contact_status(self) -> Image:
+        """Rows of the table of how a texture rubs; none where the file has no such table."""
+        if "contact_status/table" not in self._source.names:
+            return np.zeros(0, row_dtype(CONTACT_STATUS))
+        return self.rows("contact_status")
 
     def calls(self) -> Image:
         """Rows of the table of calls; none where the file has no such table."""

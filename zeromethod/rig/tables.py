@@ -155,7 +155,8 @@ class ControlSpec(Table):
     display are the simulated ones. `follow_bench`: motion of camera, LCD or prism is corrected where it shows
     whole, while nothing presses or by two places known to rest. `burst`: whether coded pictures read the warp
     where none can null it (folds, what is too fine for the LCD): never, when needed, or again and again.
-    `lamp`: the LCD is white inside contacts. Controller "passive": the picture at rest stays, as on a printed
+    `lamp`: the LCD is white inside contacts. `rubbing`: what touches is a texture (cloth, pile, bristles,
+    grains), whose state of contact is read. Controller "passive": the picture at rest stays, as on a printed
     pattern; nothing is nulled, and strips, bursts and lamp are not drawn.
     """
 
@@ -167,6 +168,7 @@ class ControlSpec(Table):
     follow_bench: bool = False
     burst: Literal["never", "when-needed", "always"] = "when-needed"
     lamp: bool = True
+    rubbing: bool = False
 
     @property
     def passive(self) -> bool:

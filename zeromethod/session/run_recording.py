@@ -16,6 +16,7 @@ from zeromethod.worker import in_thread
 
 if TYPE_CHECKING:
     from zeromethod.recording.recorder import Recorder
+    from zeromethod.session.result import RunResult
 
 
 class RunRecording:
@@ -114,6 +115,11 @@ class RunRecording:
         for closing in self._closing:
             closing.result()
         self._closing.clear()
+
+    def end(self, result: RunResult) -> None:
+        """Close; what was lost stands in the result."""
+        self.close()
+        result.recording_trouble, result.recording_lost = self.trouble
 
     @property
     def trouble(self) -> tuple[str, bool]:

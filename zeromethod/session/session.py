@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from zeromethod.contact import Contact, ForceReader, Lamp, finder_of
+from zeromethod.contact import Contact, ForceReader, Lamp, border_blur_px, finder_of
 from zeromethod.devices.abilities import dropped_refreshes_of, script_of, truth_of
 from zeromethod.devices.opening import Devices, open_devices
 from zeromethod.errors import InputError, MeasurementError
@@ -27,6 +27,7 @@ from zeromethod.loop.step import Step
 from zeromethod.optics import Optics, check_geometry
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
+from zeromethod.rubbing import RubbingReader
 from zeromethod.session.delay_note import DelayNote
 from zeromethod.session.fine import FineReadings, with_moving_target
 from zeromethod.session.interaction import interaction
@@ -109,11 +110,12 @@ class Session:
             share = float(np.mean(usable_nodes(self._optics, self._grid, AT_REST)[self._grid.inner]))
             self.result = RunResult(self.rig, self.loop.gl_renderer, share, self.loop.rest, self._truth)
             self.recording = RunRecording(record, self.rig, self.loop, fine)
-            stack.callback(self._end_recording)
+            stack.callback(self.recording.end, self.result)
             self._surfaces = Surfaces(self.rig, self._optics, self._grid)
             self._fine = FineReadings(self.rig, self._optics, self._grid, self._truth) if fine else None
             self._contacts = finder_of(self.rig, self._optics, self._grid)
             self._forces = ForceReader(self.rig)
+            self._rubbing = RubbingReader(border_blur_px(self.rig)) if self.rig.control.rubbing else None
             self._touched: tuple[Contact, ...] = ()
             self._uneven = UnevenRest(self.loop.q_rest)
             self._lamp = Lamp(self._grid) if self.rig.control.lamp and not self.rig.control.passive else None
@@ -283,11 +285,6 @@ class Session:
             reading.post(self.loop.ended)
             self.recording.add_step(replace(self.loop.ended, calls=self._taken_calls()))
 
-    def _end_recording(self) -> None:
-        """Write what waits still; what was lost stands in the result."""
-        self.recording.close()
-        self.result.recording_trouble, self.result.recording_lost = self.recording.trouble
-
     def _begin(self, step: Step) -> None:
         """Take dirt off one step's warp, and begin to read it."""
         assert step.measured is not None
@@ -301,6 +298,9 @@ class Session:
         surface, deepest, contacts = self._contacts.carry(surface, deepest, contacts, self._forces.fit)
         if step.image is not None and step.residual is not None and Event.BURST not in step.events:
             contacts = self._contacts.with_images(step.image, step.residual, surface, contacts)
+            if self._rubbing is not None:
+                status = self._rubbing.follow(contacts, step.time_ns, step.exposure_ns)
+                step = replace(step, contact_status=status)
         if self._lamp is not None:
             self.loop.light(self._lamp.follow(contacts))
         read: dict[str, Any] = {"contacts": contacts, "touching": tuple(one.figures for one in contacts)}

@@ -17,6 +17,7 @@ from zeromethod.loop.step import StepFigures
 from zeromethod.rig.model import SIMULATED
 from zeromethod.session.contact_figures import contact_rows, force_figures, true_contact_rows
 from zeromethod.session.result import RunResult
+from zeromethod.session.status_figures import status_figures
 from zeromethod.session.watching import approach_rows
 
 Figures = dict[str, Any]
@@ -197,6 +198,7 @@ def summarise(result: RunResult) -> Figures:
         "fine": _fine(result),
         "contacts": contact_rows(records),
         "approaches": approach_rows(records),
+        "contact_status": status_figures(records),
         "force": force_figures(records, result.rig),
         "loop_ms": _percentiles(record.loop_ms for record in records),
         "draw_ms": _percentiles(record.draw_ms for record in records),

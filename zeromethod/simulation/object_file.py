@@ -7,9 +7,10 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from zeromethod.rig.refusal import refused
-from zeromethod.rig.tables import Angle, NotNegative, Positive, Table
+from zeromethod.rig.tables import Angle, Count, NotNegative, Positive, Table
 from zeromethod.simulation.contact.objects import ALBEDO, Form, Solid
 from zeromethod.simulation.contact.path import ObjectPath
+from zeromethod.simulation.contact.texture import Texture, Weave
 from zeromethod.simulation.path import PathPoint
 
 _NEEDED = {
@@ -19,6 +20,7 @@ _NEEDED = {
     Form.EDGE: ("radius_mm", "length_mm"),
     Form.FINGER: ("radius_mm", "ridge_pitch_mm", "ridge_height_mm"),
     Form.BARS: ("radius_mm", "ridge_pitch_mm", "ridge_height_mm"),
+    Form.TEXTURE: ("radius_mm", "weave", "pitch_mm", "tip_mm"),
 }
 """Keys of each shape that must be given."""
 _ALLOWED = {
@@ -28,6 +30,7 @@ _ALLOWED = {
     Form.EDGE: ("angle_deg",),
     Form.FINGER: ("angle_deg",),
     Form.BARS: ("angle_deg",),
+    Form.TEXTURE: ("angle_deg", "height_mm", "seed"),
 }
 """Keys of each shape that may be given."""
 
@@ -48,12 +51,14 @@ class ObjectTable(Table):
     ball: of `radius_mm`, with `adhesion_j_m2` one that sticks (JKR). cone: its flank `flank_deg` from the
     surface. punch: a flat round face of `radius_mm`. edge: a rod of `radius_mm`, `length_mm` long along
     `angle_deg` (from x towards y). finger: a ball with ridges `ridge_pitch_mm` apart along `angle_deg`.
-    bars: a punch with flat, sharp ridges like that, half a pitch wide. All points of a path have `depth_mm`,
-    of the lowest point below the surface at rest, or all `force_n`. `friction`: force along x that
-    the rubber is dragged with, over that into it.
+    bars: a punch with flat, sharp ridges like that, half a pitch wide. texture: a flat round face of tips, on
+    average `pitch_mm` apart, rounded with `tip_mm`, their heights spread by `height_mm`, by `seed`; `weave`
+    "brush" (a square array), "woven" (yarns that cross), "pile" (fibres at random), "sandpaper" (grains of
+    any size). All points of a path have `depth_mm`, of the lowest point below the surface at rest, or all
+    `force_n`. `friction`: force along x that the rubber is dragged with, over that into it.
     """
 
-    shape: Literal["ball", "cone", "punch", "edge", "finger", "bars"]
+    shape: Literal["ball", "cone", "punch", "edge", "finger", "bars", "texture"]
     path: Annotated[tuple[ObjectPoint, ...], Field(min_length=1)]
     albedo: Literal["black", "grey", "white"] = "black"
     radius_mm: Positive | None = None
@@ -61,6 +66,11 @@ class ObjectTable(Table):
     length_mm: Positive | None = None
     ridge_pitch_mm: Positive | None = None
     ridge_height_mm: Positive | None = None
+    weave: Literal["brush", "pile", "woven", "sandpaper"] | None = None
+    pitch_mm: Positive | None = None
+    tip_mm: Positive | None = None
+    height_mm: NotNegative = 0.0
+    seed: Count = 0
     adhesion_j_m2: NotNegative = 0.0
     angle_deg: Angle = 0.0
     friction: float = 0.0
@@ -96,6 +106,7 @@ class ObjectTable(Table):
             self.adhesion_j_m2,
             ALBEDO[self.albedo],
             self.friction,
+            self._texture(),
         )
         by_force = self.path[0].force_n is not None
         points = (
@@ -103,3 +114,8 @@ class ObjectTable(Table):
             for p in self.path
         )
         return ObjectPath(solid, tuple(points), by_force, number)
+
+    def _texture(self) -> Texture | None:
+        if self.weave is None or self.pitch_mm is None or self.tip_mm is None:
+            return None
+        return Texture(Weave(self.weave), self.pitch_mm, self.tip_mm, self.height_mm, self.seed)

@@ -150,6 +150,8 @@ class LiveStatus:
             parts.append((0, f"peak {1e3 * self._peak_mm:.2f}{sigma} µm{relative}"))
         if self._touching:
             parts.append((1, self._touching))
+        if step.contact_status is not None:
+            parts.append((1, step.contact_status.words))
         if step.approach is not None and step.approach.watching in FAULTY:
             parts.append((1, step.approach.watching))
         if math.isfinite(step.residual_rms_px):

@@ -137,6 +137,33 @@ def _contact_rows(label: str, contacts: Sequence[Figures] | None) -> list[tuple[
     return rows
 
 
+_STATUS = (
+    ("share in contact", "share", "{:.3f} ± {:.3f}"),
+    ("spots per cm²", "spots_per_cm2", "{:.0f} ± {:.0f}"),
+    ("spot size", "spot_mm2", "{:.4f} ± {:.4f} mm²"),
+    ("spot life", "spot_life_s", "{:.2f} ± {:.2f} s"),
+    ("sliding", "speed_mm_s", "{:.2f} ± {:.2f} mm/s"),
+    ("direction of sliding", "direction_deg", "{:.1f} ± {:.1f}°"),
+    ("pitch", "pitch_mm", "{:.3f} ± {:.3f} mm"),
+    ("across the ridges", "ridge_deg", "{:.1f} ± {:.1f}°"),
+)
+
+
+def _status_rows(status: Figures | None) -> list[tuple[str, str]]:
+    if status is None:
+        return []
+    rows = [
+        (label, pattern.format(status[name], status[f"sigma_{name}"]))
+        for label, name, pattern in _STATUS
+        if status[name] is not None
+    ]
+    if status["aliased"]:
+        rows.append(("aliased", f"{100 * status['aliased']:.0f} % of the frames that slip"))
+    if status["reason"]:
+        rows.append(("not known", status["reason"]))
+    return [*rows, *((name, f"at {time_s:.2f} s") for time_s, name in status["events"])]
+
+
 def summary_table(figures: Figures) -> Table:
     """Table of the figures of a run that were measured; rows without a value are left out."""
     rows: list[tuple[str, str]] = []
@@ -153,6 +180,7 @@ def summary_table(figures: Figures) -> Table:
     rows += _contact_rows("contact", figures.get("contacts"))
     if figures.get("contacts") and figures["force"]["reason"]:
         rows.append(("force", f"not read: {figures['force']['reason']}"))
+    rows += _status_rows(figures.get("contact_status"))
     rows += _contact_rows("true contact", _look_up(figures, "truth.contacts"))
     if not figures["calibrated"]:
         rows.append(("not calibrated", "depth is relative: zeromethod calibrate"))

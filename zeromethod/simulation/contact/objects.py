@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from zeromethod.arrays import Float
+from zeromethod.simulation.contact.texture import Texture
 
 
 class Form(enum.StrEnum):
@@ -19,6 +20,7 @@ class Form(enum.StrEnum):
     EDGE = "edge"
     FINGER = "finger"
     BARS = "bars"
+    TEXTURE = "texture"
 
 
 ALBEDO = {"black": 0.04, "grey": 0.2, "white": 0.8}
@@ -33,7 +35,8 @@ class Solid:
     `angle_deg`, from x towards y), a finger (a ball with `ridge_height_mm` high ridges, `ridge_pitch_mm`
     apart along that angle), bars (a punch with such ridges, flat, sharp, half a pitch wide). flank_deg: of a
     cone, from the surface. adhesion_j_m2: work to part a ball from the rubber.
-    friction: force along x that it drags the rubber with, over that into it.
+    friction: force along x that it drags the rubber with, over that into it. texture: what a flat, round face
+    of `radius_mm` is covered with.
     Balls are parabolas of that curvature, as Hertz has them.
     """
 
@@ -47,11 +50,12 @@ class Solid:
     adhesion_j_m2: float = 0.0
     albedo: float = ALBEDO["black"]
     friction: float = 0.0
+    texture: Texture | None = None
 
     @property
     def flat(self) -> bool:
         """Whether it ends in a flat face of `radius_mm`."""
-        return self.form in (Form.PUNCH, Form.BARS)
+        return self.form in (Form.PUNCH, Form.BARS, Form.TEXTURE)
 
     def profile(self, along: Float, across: Float) -> Float:
         """Height, mm, over the lowest point, at places in the object's own frame, mm; inf beside it."""
@@ -64,6 +68,9 @@ class Solid:
             away = np.abs(along / self.ridge_pitch_mm - np.rint(along / self.ridge_pitch_mm))
             grooved = np.where(away <= 0.25, 0.0, self.ridge_height_mm)
             return np.where(r2 <= self.radius_mm**2, grooved, np.inf)
+        if self.texture is not None:
+            height = self.texture.profile(along, across, self.radius_mm)
+            return np.where(r2 <= self.radius_mm**2, height, np.inf)
         if self.form is Form.EDGE:
             rod = across**2 / (2 * self.radius_mm) + 0.0 * along
             return np.where(np.abs(along) <= self.length_mm / 2, rod, np.inf)

@@ -1,0 +1,88 @@
+"""A brush on the simulated bench, seen through the loop: share, pitch, speed, stick and slip, force."""
+
+import numpy as np
+import pytest
+
+from zeromethod import Recording, Session, load_rig
+from zeromethod.rubbing import Motion
+
+VIEW = {"camera.columns": 480, "camera.rows": 384, "camera.centre_px": [239.5, 191.5]}
+"""The packaged bench's pixels, fewer of them."""
+SPEED_MM_S, FORCE_N, PITCH_MM = 12.0, 0.5, 0.8
+HELD_S, SLIP_S, STICK_S, END_S = 0.3, 0.46, 0.66, 0.74
+PRESS = f"""
+[[object]]
+shape = "texture"
+weave = "brush"
+radius_mm = 3.0
+pitch_mm = {PITCH_MM}
+tip_mm = 0.8
+height_mm = 0.002
+albedo = "grey"
+path = [
+    {{ time_s = 0.26, x_mm = 41.0, y_mm = 0.0, force_n = 0.0 }},
+    {{ time_s = {HELD_S}, x_mm = 41.0, y_mm = 0.0, force_n = {FORCE_N} }},
+    {{ time_s = {SLIP_S}, x_mm = 41.0, y_mm = 0.0, force_n = {FORCE_N} }},
+    {{ time_s = {STICK_S}, x_mm = {41.0 + 0.2 * SPEED_MM_S}, y_mm = 0.0, force_n = {FORCE_N} }},
+]
+"""
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """(steps, session's figures, recording)."""
+    folder = tmp_path_factory.mktemp("rub")
+    (folder / "press.toml").write_text(PRESS)
+    values = {**VIEW, "camera.exposure_s": 0.001, "control.rubbing": True}
+    rig = load_rig("simulated").replace(values, scenario=str(folder / "press.toml"))
+    with Session(rig, record=folder / "run.h5") as session:
+        steps = list(session.run(seconds=END_S))
+        figures = session.figures
+    return steps, figures, Recording(folder / "run.h5")
+
+
+def statuses(run, from_s, to_s):
+    return [one.contact_status for one in run[0] if from_s < one.time_s < to_s]
+
+
+def test_nothing_rubs_before_it_touches(run):
+    assert all(one is None for one in statuses(run, 0, 0.255))
+
+
+def test_share_force_and_pitch_are_the_true_ones(run):
+    held = statuses(run, HELD_S + 0.1, SLIP_S)
+    assert all(one.pitch_mm == pytest.approx(PITCH_MM, rel=0.02) for one in held)
+    assert all(abs(one.force_n - FORCE_N) < 3 * one.sigma_force_n for one in held)
+    assert all(one.force_n == pytest.approx(FORCE_N, rel=0.02) for one in held)
+
+
+def test_speed_is_the_true_one_and_stick_and_slip_are_named_within_three_frames(run):
+    sliding = statuses(run, SLIP_S + 0.1, STICK_S)
+    assert all(one.motion is Motion.SLIP and not one.aliased for one in sliding)
+    speed = np.mean([one.speed_mm_s for one in sliding])
+    assert speed == pytest.approx(SPEED_MM_S, rel=0.02)
+    assert all(abs(one.speed_mm_s - SPEED_MM_S) < 4 * one.sigma_speed_mm_s for one in sliding)
+    assert all(abs(one.direction_deg) < 3 for one in sliding)
+    named = [
+        (one.time_s, one.contact_status.event)
+        for one in run[0]
+        if one.contact_status and one.contact_status.event
+    ]
+    assert [event for _, event in named] == ["slip", "stick"]
+    for (at, _), began in zip(named, (SLIP_S, STICK_S), strict=True):
+        assert 0 < at - began < 3 / 60 + 0.003  # mid-exposure of the frame, and half its exposure
+
+
+def test_summary_and_recording_have_the_same_figures(run):
+    steps, figures, recording = run
+    known = [one for one in steps if one.contact_status is not None]
+    rows = recording.tables.contact_status()
+    assert rows["step"].tolist() == [one.number for one in known]
+    np.testing.assert_array_equal(rows["share"], [one.contact_status.share for one in known])
+    assert [Recording.text(one) for one in rows["motion"]] == [
+        str(one.contact_status.motion) for one in known
+    ]
+    summed = figures["contact_status"]
+    assert summed["frames"] == len(known)
+    assert summed["pitch_mm"] == pytest.approx(PITCH_MM, rel=0.02)
+    assert [name for _, name in summed["events"]] == ["slip", "stick"]

@@ -1,0 +1,159 @@
+"""How far a texture moved from one contact image to another, by correlation, to a fraction of a pixel."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from scipy.fft import irfft2, next_fast_len, rfft2
+
+from zeromethod.arrays import Float, Mask, Single
+from zeromethod.rubbing.spots import Spots
+
+_LEAST_OVERLAP = 0.3
+"""Of the smaller area looked at, common to both images."""
+_LEAST_LIKE = 0.3
+"""Correlation below which the texture is not known again."""
+_SIGMAS = 4.0
+"""Standard deviations by which the best place must be likelier than any other to be clear."""
+PLACED_MM, PLACED_SHARE = 0.003, 0.01
+"""Standard deviation of images' own places, from frame to frame and over a way: depth in contact, by which an
+image is placed, is carried in from around."""
+_BLUR_PX = 1.5
+_PASSES = 4
+_ALIKE_PX2, _ALIKE_HALVES = 30.0, 8.0
+"""Pixels whose errors go together, those along a spot's border, and pixels twice as large."""
+
+
+class Moved(NamedTuple):
+    """dx_mm, dy_mm: from the first image to the second; sigma_mm: of each; clear: nowhere else is likely."""
+
+    dx_mm: float
+    dy_mm: float
+    sigma_mm: float
+    clear: bool
+
+
+def moved(first: Spots, second: Spots, about_mm: Float | None = None) -> Moved | None:
+    """How far the texture moved, about `about_mm` (2,) where that is given; None where it is not found."""
+    pitch = first.pitch_mm
+    cover, looked = _on_pitch_of(second, pitch)
+    origin = np.array([second.x_mm - first.x_mm, second.y_mm - first.y_mm])
+    clear = True
+    if about_mm is not None:
+        shift = (about_mm - origin) / pitch
+    else:
+        halves = [_half(one) for one in (first.cover, first.looked, cover, looked)]
+        found = _best(correlation(halves[0], halves[1] > 0.5, halves[2], halves[3] > 0.5), halves[0].shape)
+        if found is None:
+            return None
+        shift, clear = 2 * found[0], found[1]
+    fine = _refined(first, cover, looked, shift)
+    if fine is None:
+        return None
+    way = origin + pitch * fine[0]
+    placed = np.hypot(PLACED_MM, PLACED_SHARE * np.hypot(*way))
+    return Moved(float(way[0]), float(way[1]), float(np.hypot(fine[1] * pitch, placed)), clear)
+
+
+def _half(values: Single | Mask) -> Single:
+    """Every other pixel of what is smooth enough for it."""
+    return np.asarray(cv2.blur(np.asarray(values, np.float32), (2, 2), anchor=(0, 0))[::2, ::2])
+
+
+def _best(found: tuple[Float, Float] | None, shape: tuple[int, ...]) -> tuple[Float, bool] | None:
+    """((2,) px that the best place is off, whether no other is nearly as good)."""
+    if found is None:
+        return None
+    likeness, common = found
+    peak = np.unravel_index(int(np.argmax(likeness)), likeness.shape)
+    if likeness[peak] < _LEAST_LIKE:
+        return None
+    # Fisher's z has a standard deviation of its own, whatever the correlation
+    sure = np.arctanh(np.clip(likeness, -0.99, 0.99))
+    own = _around_peak(likeness, peak)
+    open_by = np.sqrt(
+        1 / np.maximum(common / _ALIKE_HALVES - 3, 0.5) + 1 / max(common[peak] / _ALIKE_HALVES - 3, 0.5)
+    )
+    rival = np.where(own, -np.inf, sure + _SIGMAS * open_by)
+    rival[likeness <= 0] = -np.inf
+    shift = np.array(peak[::-1], dtype=np.float64) - (np.array(shape[::-1]) - 1)
+    return shift, bool(rival.max() < sure[peak])
+
+
+def _on_pitch_of(spots: Spots, pitch_mm: float) -> tuple[Single, Mask]:
+    """(cover, looked) on pixels of another side, from the same first pixel on."""
+    scale = spots.pitch_mm / pitch_mm
+    rows, cols = (int(np.ceil((n - 1) * scale)) + 1 for n in spots.cover.shape)
+    turn = np.array([[scale, 0, 0], [0, scale, 0]], dtype=np.float64)
+    cover = cv2.warpAffine(spots.cover, turn, (cols, rows), flags=cv2.INTER_LINEAR)
+    looked = cv2.warpAffine(spots.looked.view(np.uint8), turn, (cols, rows), flags=cv2.INTER_NEAREST)
+    return np.asarray(cover, np.float32), np.asarray(looked > 0)
+
+
+def correlation(first: Single, looked: Mask, other: Single, other_looked: Mask) -> tuple[Float, Float] | None:
+    """(correlation over what both look at, by shift; pixels that they do); None where these never suffice.
+
+    Element (first's rows - 1 + i, first's cols - 1 + j): `first` at (r, c) against `other` at (r + i, c + j).
+    Source: Padfield 2012, doi:10.1109/TIP.2011.2181402.
+    """
+    shape = [a + b - 1 for a, b in zip(first.shape, other.shape, strict=True)]
+    sizes = [next_fast_len(n, real=True) for n in shape]
+
+    def spectrum(values: Single) -> Float:
+        return np.asarray(rfft2(values.astype(np.float64), sizes))
+
+    turned, mask = np.where(looked, first, 0)[::-1, ::-1], looked[::-1, ::-1].astype(np.float32)
+    plain, other_mask = np.where(other_looked, other, 0), other_looked.astype(np.float32)
+    f1, f2, m1, m2 = (spectrum(one) for one in (turned, plain, mask, other_mask))
+    s1, s2 = spectrum(turned**2), spectrum(plain**2)
+
+    def back(product: Float) -> Float:
+        return np.asarray(irfft2(product, sizes)[: shape[0], : shape[1]])
+
+    common = np.maximum(back(m1 * m2), 1e-3)
+    sum1, sum2 = back(f1 * m2), back(m1 * f2)
+    product = back(f1 * f2) - sum1 * sum2 / common
+    spread = (back(s1 * m2) - sum1**2 / common) * (back(m1 * s2) - sum2**2 / common)
+    enough = common > _LEAST_OVERLAP * min(np.count_nonzero(looked), np.count_nonzero(other_looked))
+    sound = enough & (spread > 1e-3)
+    if not sound.any():
+        return None
+    return np.where(sound, product / np.sqrt(np.where(sound, spread, 1.0)), -1.0), common
+
+
+def _around_peak(likeness: Float, peak: tuple[np.intp, ...]) -> Mask:
+    """What hangs together with the best place above half of it, and a little around."""
+    above = (likeness > 0.5 * likeness[peak]).astype(np.uint8)
+    _, labels = cv2.connectedComponents(above)
+    own = (labels == labels[peak]).astype(np.uint8)
+    return np.asarray(cv2.dilate(own, np.ones((3, 3), np.uint8)) > 0)
+
+
+def _refined(first: Spots, cover: Single, looked: Mask, shift: Float) -> tuple[Float, float] | None:
+    """(shift px, its sigma): least squares of the second image, moved back, against the first."""
+    smooth = cv2.GaussianBlur(first.cover, (0, 0), _BLUR_PX)
+    other = cv2.GaussianBlur(cover, (0, 0), _BLUR_PX)
+    rows, cols = first.cover.shape
+    rim = np.ones((2 * round(2 * _BLUR_PX) + 1,) * 2, np.uint8)
+    own, others = (cv2.erode(one.view(np.uint8), rim, borderValue=0) for one in (first.looked, looked))
+    for _ in range(_PASSES):
+        turn = np.array([[1, 0, shift[0]], [0, 1, shift[1]]], dtype=np.float64)
+        how = cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP
+        back = cv2.warpAffine(other, turn, (cols, rows), flags=how)
+        both = (own > 0) & (
+            cv2.warpAffine(others, turn, (cols, rows), flags=cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP) > 0
+        )
+        if np.count_nonzero(both) < _ALIKE_PX2:
+            return None
+        mean = 0.5 * (smooth + back)
+        slope = np.stack([cv2.Sobel(mean, cv2.CV_32F, *axis, scale=1 / 8)[both] for axis in ((1, 0), (0, 1))])
+        lacks = (smooth - back)[both]
+        normal = slope @ slope.T
+        if np.linalg.det(normal) < 1e-6:
+            return None
+        shift = shift + np.clip(np.linalg.solve(normal, slope @ lacks), -1, 1)
+    variance = float(np.mean(lacks**2)) * _ALIKE_PX2
+    sigma = float(np.sqrt(variance * np.trace(np.linalg.inv(normal)) / 2))
+    return np.asarray(shift, dtype=np.float64), sigma

@@ -1,0 +1,190 @@
+"""The state of contact of what rubs along the mirror, from the images of its contact, frame after frame."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from zeromethod.arrays import Float
+from zeromethod.contact.contact import Contact
+from zeromethod.rubbing.life import SpotLife
+from zeromethod.rubbing.motion import moved
+from zeromethod.rubbing.ridges import Ridges, ridges_of
+from zeromethod.rubbing.spots import Spots, spots_of
+from zeromethod.rubbing.status import ContactStatus, Motion
+
+_LONGEST = 6
+"""Frames over which a speed is taken, at most."""
+_MOVES = 4.0
+"""Standard deviations from one frame to the next from which on it slips."""
+_NAMED = 2
+"""Frames in a row that say so before stick or slip is named."""
+_TOGETHER_MM = 0.05
+"""Difference of a way from the sum of its steps from which on it is not the same."""
+_NO_MODULUS = "force: not read"
+
+
+class _Seen(NamedTuple):
+    """way_mm: (2,) since the frame before."""
+
+    time_ns: int
+    spots: Spots
+    way_mm: Float
+
+
+class RubbingReader:
+    """Reads the contact status of frames in turn, of the largest contact. Serves one thread."""
+
+    def __init__(self, blur_px: float) -> None:
+        """blur_px: standard deviation of a border's blur (`zeromethod.contact.border_blur_px`)."""
+        self._id, self._blur_px = 0, blur_px
+        self._forget()
+
+    def _forget(self) -> None:
+        self._seen: deque[_Seen] = deque(maxlen=_LONGEST + 1)
+        self._motion, self._since_ns, self._says = Motion.UNKNOWN, 0, deque[Motion](maxlen=_NAMED)
+        self._ridges: Ridges | None = None
+        self._life = SpotLife()
+        self._step: Float | None = None
+        self.spots: Spots | None = None
+
+    def follow(self, contacts: Sequence[Contact], time_ns: int, exposure_ns: int = 0) -> ContactStatus | None:
+        """Status at a frame.
+
+        Parameters
+        ----------
+        contacts : sequence of Contact
+            Those of the frame, with images, largest first.
+        time_ns, exposure_ns : int
+            Its mid-exposure, and how long it was exposed.
+
+        Returns
+        -------
+        ContactStatus or None
+            None where nothing touches.
+        """
+        if not contacts:
+            self._forget()
+            return None
+        contact = contacts[0]
+        if contact.id != self._id:
+            self._forget()
+            self._id = contact.id
+        status = ContactStatus(
+            contact_id=contact.id, force_n=contact.force_n, sigma_force_n=contact.sigma_force_n
+        )
+        spots = spots_of(contact, self._blur_px)
+        if isinstance(spots, str):
+            self._forget()
+            return replace(status, reason=spots)
+        self.spots = spots
+        reasons = [] if np.isfinite(contact.force_n) else [_NO_MODULUS]
+        status = _counted(status, spots)
+        ridges = ridges_of(spots, self._ridges)
+        if isinstance(ridges, str):
+            self._ridges = None
+            reasons.append(ridges)
+        else:
+            self._ridges = ridges
+            status = replace(
+                status, pitch_mm=ridges.pitch_mm, sigma_pitch_mm=ridges.sigma_mm,
+                ridge_deg=ridges.angle_deg, sigma_ridge_deg=ridges.sigma_deg,
+            )  # fmt: skip
+        status = self._moving(status, spots, time_ns, 1e-9 * exposure_ns, reasons)
+        life = self._life.mean_s()
+        if isinstance(life, str):
+            reasons.append(life)
+        else:
+            status = replace(status, spot_life_s=life[0], sigma_spot_life_s=life[1])
+        return replace(status, reason="; ".join(reasons))
+
+    def _moving(
+        self, status: ContactStatus, spots: Spots, time_ns: int, exposure_s: float, reasons: list[str]
+    ) -> ContactStatus:
+        """With motion and speed."""
+        last = self._seen[-1] if self._seen else None
+        if last is None:
+            self._seen.append(_Seen(time_ns, spots, np.zeros(2)))
+            reasons.append("speed: first frame")
+            return status
+        step = moved(last.spots, spots)
+        if step is None:
+            self._lose(_Seen(time_ns, spots, np.zeros(2)))
+            reasons.append("speed: the texture is not known again")
+            return status
+        way = np.array([step.dx_mm, step.dy_mm])
+        self._seen.append(_Seen(time_ns, spots, way))
+        seconds = 1e-9 * (time_ns - last.time_ns)
+        self._life.add(last.spots, spots, way, seconds)
+        far = float(np.hypot(*way))
+        says = Motion.SLIP if far > _MOVES * step.sigma_mm else Motion.STICK
+        event = self._named(says)
+        half = 0.5 * (status.pitch_mm if np.isfinite(status.pitch_mm) else np.inf)
+        gap = half if np.isfinite(half) else 5.0 / np.sqrt(status.spots_per_cm2)
+        foreseen = self._step is not None and float(np.hypot(*(way - self._step))) < 0.5 * half
+        clear = step.clear or foreseen
+        self._step = way if clear else None
+        blurred = far / seconds * exposure_s > gap
+        aliased = far > half or blurred or not clear
+        if not clear:
+            reasons.append("aliased: it is as likely to have gone elsewhere")
+        speed, sigma = self._speed(step.sigma_mm)
+        size = float(np.hypot(*speed))
+        status = replace(
+            status, speed_mm_s=size, sigma_speed_mm_s=sigma, motion=self._motion, event=event,
+            aliased=aliased, began_s=1e-9 * (time_ns - self._since_ns),
+        )  # fmt: skip
+        if size < 3 * sigma:
+            return status
+        direction = float(np.degrees(np.arctan2(speed[1], speed[0])))
+        return replace(status, direction_deg=direction, sigma_direction_deg=float(np.degrees(sigma / size)))
+
+    def _speed(self, sigma_mm: float) -> tuple[Float, float]:
+        """((2,) mm/s, sigma) since it moves as it does, over some frames."""
+        first, last = self._seen[0], self._seen[-1]
+        seconds = 1e-9 * (last.time_ns - first.time_ns)
+        way = np.sum([one.way_mm for one in self._seen][1:], axis=0)
+        if len(self._seen) > 2:
+            over = moved(first.spots, last.spots, way)
+            if over is not None and np.hypot(over.dx_mm - way[0], over.dy_mm - way[1]) < _TOGETHER_MM:
+                return np.array([over.dx_mm, over.dy_mm]) / seconds, over.sigma_mm / seconds
+            sigma_mm *= np.sqrt(len(self._seen) - 1)
+        return way / seconds, sigma_mm / seconds
+
+    def _named(self, says: Motion) -> str:
+        """What is named in this frame, "" for nothing; a new motion begins with two frames that say so."""
+        self._says.append(says)
+        if says is not self._motion:  # the way before was another's, and that of a first step is both
+            self._seen = deque(list(self._seen)[-2:], self._seen.maxlen)
+        if says is self._motion or len(self._says) < _NAMED or any(one is not says for one in self._says):
+            return ""
+        known = self._motion is not Motion.UNKNOWN
+        self._motion, self._since_ns = says, self._seen[0].time_ns
+        return str(says) if known else ""
+
+    def _lose(self, seen: _Seen) -> None:
+        """Begin to follow again."""
+        self._seen.clear()
+        self._seen.append(seen)
+        self._says.clear()
+        self._motion, self._step = Motion.UNKNOWN, None
+
+
+def _counted(status: ContactStatus, spots: Spots) -> ContactStatus:
+    """With share, number and size of spots."""
+    share, sigma_share = spots.share
+    whole = ~spots.cut
+    count = np.count_nonzero(whole) + 0.5 * np.count_nonzero(spots.cut)
+    per_cm2 = 100 / spots.looked_mm2
+    sizes = spots.sizes_mm2[whole]
+    known = sizes.size > 1
+    return replace(
+        status, looked_mm2=spots.looked_mm2, share=share, sigma_share=sigma_share,
+        spots_per_cm2=count * per_cm2, sigma_spots_per_cm2=float(np.sqrt(count)) * per_cm2,
+        spot_mm2=float(sizes.mean()) if known else np.nan,
+        sigma_spot_mm2=float(sizes.std(ddof=1) / np.sqrt(sizes.size)) if known else np.nan,
+    )  # fmt: skip

@@ -1,0 +1,65 @@
+"""Ridges or rows of a texture: how far apart, and which way across them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from zeromethod.arrays import Float
+from zeromethod.contact.stripes import refined, strongest
+from zeromethod.rubbing.spots import Spots
+
+_REGULAR, _BY_CHANCE = 0.03, 1.0
+"""Share of the spectrum's power in one wave from which a texture is regular, and what n spots at random may
+have by chance, times n: pile and grains had 0.6, square arrays of 20 spots 1.7 and more."""
+_STRAY, _SCALE = 0.1, 0.005
+"""What strays a pitch by, relative: spots that stray from their rows, over periods in view and the root of
+their number; and the scale of an image, whose depth is carried in from around."""
+_AS_STRONG = 0.5
+"""Power, over the strongest, of a way across ridges that is kept from frame to frame."""
+
+
+class Ridges(NamedTuple):
+    """pitch_mm, angle_deg (across the ridges, from x towards y, 0 to 180), with standard deviations."""
+
+    pitch_mm: float
+    sigma_mm: float
+    angle_deg: float
+    sigma_deg: float
+
+
+def ridges_of(spots: Spots, before: Ridges | None = None) -> Ridges | str:
+    """The strongest regular distance of the spots, or why there is none.
+
+    before: of the frame before; of two as strong ways, those of a square array, it stays the same.
+    """
+    away = cv2.distanceTransform(np.pad(spots.looked.astype(np.uint8), 1), cv2.DIST_L2, 3)[1:-1, 1:-1]
+    weight = np.sqrt(away / away.max())
+    light = weight * (spots.cover - float((weight * spots.cover).sum() / weight.sum()))
+    start = strongest(light)
+    if start is None:
+        return "pitch: fewer than three periods in view"
+    rows, cols = np.nonzero(spots.looked)
+    at = np.stack((cols, rows), axis=-1).astype(np.float64)
+    values = light[spots.looked].astype(np.float64)
+
+    def power(cycles: Float) -> float:
+        return float(np.abs(np.sum(values * np.exp(-2j * np.pi * (at @ cycles)))) ** 2)
+
+    if before is not None:
+        turn = np.radians(before.angle_deg)
+        same = spots.pitch_mm / before.pitch_mm * np.array([np.cos(turn), np.sin(turn)])
+        if power(same) > _AS_STRONG * power(start):
+            start = same
+    cycles = refined(values, at, start)
+    per_mm = float(np.hypot(*cycles)) / spots.pitch_mm
+    count = len(spots.sizes_mm2)
+    regular = power(cycles) / (values.size * float(values @ values))
+    if regular < max(_REGULAR, _BY_CHANCE / count):
+        return "pitch: nothing regular"
+    strays = _STRAY / (per_mm * np.sqrt(spots.looked_mm2 * count))
+    sigma = float(np.hypot(strays, _SCALE))
+    angle = float(np.degrees(np.arctan2(cycles[1], cycles[0])) % 180)
+    return Ridges(1 / per_mm, sigma / per_mm, angle, float(np.degrees(sigma)))

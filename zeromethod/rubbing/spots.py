@@ -1,0 +1,156 @@
+"""The spots in which a texture touches, in a contact's image."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from zeromethod.arrays import Bytes, Float, Mask, Single
+from zeromethod.contact.contact import Contact, ContactImage
+from zeromethod.contact.median import median
+from zeromethod.contact.pieces import pieces
+
+RIM_MM = 1.0
+"""Rim of the contact that is not looked at: carrier fringes there are as dark as spots."""
+_DARKEST = 0.02
+_UNLIT = 0.6
+"""Least light, over that of the picture at rest, of rubber between spots."""
+_LIT, _LIT_SHARE, _LIT_MM = 1.35, 0.5, 0.4
+"""Light, over that at rest, of a lit place, and what share of the rubber so far around has as much."""
+_REACH, _RING_PX = 2.0, 2
+"""How far a border is blurred, in standard deviations of the blur, and how wide what lies beside it is."""
+_LEAST_PX = 5
+_FEWEST, _FEWEST_PX = 3, 400
+_EDGE_PX = 0.15
+"""Standard deviation of a spot's border, by the blur of pixel, pupil and what lies beside."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Spots:
+    """Spots of one image.
+
+    cover: (rows, cols) share of a pixel in contact, 0 out of `looked`, the area looked at. labels: of the
+    spots in contact, 0 beside. pitch_mm, x_mm, y_mm: side of a pixel, world place of the middle of pixel
+    (0, 0). places_mm: (n, 2) centroids, sizes_mm2, cut: (n,), the last where a spot reaches out of that area.
+    edge_mm: length of all borders.
+    """
+
+    cover: Single
+    looked: Mask
+    labels: np.ndarray
+    pitch_mm: float
+    x_mm: float
+    y_mm: float
+    places_mm: Float
+    sizes_mm2: Float
+    cut: Mask
+    edge_mm: float
+
+    @property
+    def looked_mm2(self) -> float:
+        """Area looked at."""
+        return float(np.count_nonzero(self.looked)) * self.pitch_mm**2
+
+    @property
+    def share(self) -> tuple[float, float]:
+        """(share of that area in contact, its standard deviation)."""
+        area = self.looked_mm2
+        own = float(self.cover.sum()) * self.pitch_mm**2 / area
+        return own, self.edge_mm * _EDGE_PX * self.pitch_mm / area
+
+
+def spots_of(contact: Contact, blur_px: float) -> Spots | str:
+    """Spots of a contact whose borders are blurred by `blur_px`, or why there are none."""
+    image = contact.image
+    if image is None:
+        return "its place in mm is not known"
+    light = np.asarray(cv2.medianBlur(np.nan_to_num(image.light, nan=1.0), 3), np.float32)
+    inside = _within(image, contact)
+    if np.count_nonzero(inside) < _FEWEST_PX:
+        return "too small to look at"
+    tip = _level(light[inside])
+    inside &= _lit(light, tip, image.mm_per_px)
+    if np.count_nonzero(inside) < _FEWEST_PX:
+        return "the LCD does not light it yet"
+    half = np.asarray(light < tip + 0.5 * (1 - tip)) & inside
+    labels, sizes = pieces(half, connectivity=8)
+    small = sizes < _LEAST_PX
+    labels[small[labels]] = 0
+    numbers = np.flatnonzero(~small & (np.arange(len(sizes)) > 0))
+    if numbers.size < _FEWEST:
+        return f"fewer than {_FEWEST} spots in contact"
+    looked = inside & _hull(labels > 0)
+    raw = np.nan_to_num(image.light, nan=1.0)
+    return _measured(
+        image, np.asarray((labels > 0) & looked), looked, _covered(raw, labels > 0, tip, blur_px)
+    )
+
+
+def _level(light: Single) -> float:
+    """Light of the spots, the middle of what is dark: shadows beside a white object's are darker."""
+    darkest = float(np.quantile(light, _DARKEST))
+    for _ in range(2):
+        darkest = median(light[light < darkest + 0.5 * (_UNLIT - darkest)])
+    return darkest
+
+
+def _covered(light: Single, seed: Mask, tip: float, blur_px: float) -> Single:
+    """Share of each pixel that spots cover: how far its light lies from what is beside them to theirs.
+
+    Whatever the blur, a spot's sum is its area.
+    """
+    reach = max(1, round(_REACH * blur_px))
+    grown = [cv2.dilate(seed.view(np.uint8), _disc(2 * k + 1)) > 0 for k in (reach, reach + _RING_PX)]
+    ring = (grown[1] & ~grown[0]).astype(np.float32)
+    weight = cv2.GaussianBlur(ring, (0, 0), reach)
+    beside = cv2.GaussianBlur(ring * light, (0, 0), reach) / np.maximum(weight, 1e-6)
+    share = (beside - light) / np.maximum(beside - tip, 0.1)
+    return np.where(grown[0] & (weight > 1e-3), np.clip(share, 0, 1), seed).astype(np.float32)
+
+
+def _measured(image: ContactImage, seed: Mask, looked: Mask, covered: Single) -> Spots:
+    pitch = image.mm_per_px
+    count, labels, _, centres = cv2.connectedComponentsWithStats(seed.view(np.uint8), connectivity=8)
+    edge = float(np.count_nonzero(np.diff(seed, axis=0)) + np.count_nonzero(np.diff(seed, axis=1)))
+    places: Float = np.array([image.x_mm, image.y_mm]) + pitch * centres[1:].astype(np.float64)
+    cover = np.where(looked, covered, np.float32(0))
+    _, nearest = cv2.distanceTransformWithLabels(
+        1 - seed.view(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_CCOMP
+    )
+    own = np.zeros(int(nearest.max()) + 1, np.intp)
+    own[nearest[seed]] = labels[seed]
+    pixels = np.bincount(own[nearest].ravel(), cover.ravel(), count)[1:]
+    sizes = np.asarray(pixels * pitch**2, dtype=np.float64)
+    rim = cv2.erode(looked.view(np.uint8), np.ones((3, 3), np.uint8), borderValue=0) == 0
+    cut = np.zeros(count, np.bool_)
+    cut[labels[rim]] = True
+    # steps along both axes are 4 / pi times as many as a border is long
+    border = 0.25 * np.pi * edge * pitch
+    return Spots(cover, looked, labels, pitch, image.x_mm, image.y_mm, places, sizes, cut[1:], border)
+
+
+def _within(image: ContactImage, contact: Contact) -> Mask:
+    """Pixels of a contact, its rim left out."""
+    own = (image.inside(contact.outline_mm) & np.isfinite(image.light)).astype(np.uint8)
+    away = cv2.distanceTransform(np.pad(own, 1), cv2.DIST_L2, 5)[1:-1, 1:-1]
+    return np.asarray(away * image.mm_per_px > RIM_MM)
+
+
+def _lit(light: Single, tip: float, mm_per_px: float) -> Mask:
+    """Pixels around which the LCD is white between the spots, so that no dark fringe looks like one."""
+    side = (2 * round(_LIT_MM / mm_per_px) + 1,) * 2
+    bright = cv2.boxFilter((light > _LIT).astype(np.float32), -1, side)
+    between = cv2.boxFilter((light > tip + 0.5 * (1 - tip)).astype(np.float32), -1, side)
+    return np.asarray(bright > _LIT_SHARE * np.maximum(between, 1e-3))
+
+
+def _hull(mask: Mask) -> Mask:
+    filled = np.zeros(mask.shape, np.uint8)
+    cv2.fillConvexPoly(filled, cv2.convexHull(cv2.findNonZero(mask.view(np.uint8))), 1)
+    return np.asarray(filled > 0)
+
+
+def _disc(side: int) -> Bytes:
+    return np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side)), np.uint8)

@@ -1,0 +1,69 @@
+"""The state of contact of a texture at one instant."""
+
+from __future__ import annotations
+
+import enum
+import math
+from dataclasses import dataclass
+
+NAN = float("nan")
+
+
+class Motion(enum.StrEnum):
+    """How the texture moves along the mirror."""
+
+    UNKNOWN = "unknown"
+    STICK = "stick"
+    SLIP = "slip"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ContactStatus:
+    """What a texture does on the mirror, from one frame and those shortly before; NaN: not known.
+
+    contact_id: the contact it is of. looked_mm2: area looked at, that between its outermost spots less a
+    rim. share: of that area, in contact. spots_per_cm2, spot_mm2: number and mean size of the spots in
+    contact, as samples of the texture. spot_life_s: mean time that a spot stays in contact, by those that
+    ended while they were in view. speed_mm_s, direction_deg (from x towards y, -180 to 180): sliding.
+    pitch_mm, ridge_deg: from ridge to ridge (or row to row), and the way across them, 0 to 180. sigma_...:
+    standard deviations. motion: stick or slip; began_s: how long it has been so. event: "stick" or "slip" in
+    the frame that it is named. aliased: from frame to frame it moves over half a pitch, or as far while a
+    frame is exposed, or where it went is not clear by itself. force_n: of the contact. reason: why what is
+    missing is not known.
+    """
+
+    contact_id: int
+    looked_mm2: float = NAN
+    share: float = NAN
+    sigma_share: float = NAN
+    spots_per_cm2: float = NAN
+    sigma_spots_per_cm2: float = NAN
+    spot_mm2: float = NAN
+    sigma_spot_mm2: float = NAN
+    spot_life_s: float = NAN
+    sigma_spot_life_s: float = NAN
+    speed_mm_s: float = NAN
+    sigma_speed_mm_s: float = NAN
+    direction_deg: float = NAN
+    sigma_direction_deg: float = NAN
+    pitch_mm: float = NAN
+    sigma_pitch_mm: float = NAN
+    ridge_deg: float = NAN
+    sigma_ridge_deg: float = NAN
+    force_n: float = NAN
+    sigma_force_n: float = NAN
+    motion: Motion = Motion.UNKNOWN
+    began_s: float = NAN
+    event: str = ""
+    aliased: bool = False
+    reason: str = ""
+
+    @property
+    def words(self) -> str:
+        """For the operator."""
+        if math.isnan(self.share):
+            return self.reason
+        moving = f", {self.speed_mm_s:.1f} mm/s" if self.motion is Motion.SLIP else ""
+        return (
+            f"{self.motion}{moving}{', aliased' if self.aliased else ''}, {100 * self.share:.0f} % in contact"
+        )
