@@ -106,6 +106,9 @@ REFUSALS = [
     ("run --rig leds --scenario nothing", "--scenario: nothing: a press file (.toml), or one of"),
     ("run --rig leds --publish here", "--publish: 'here': not an address"),
     ("run --rig leds --record notes.h5", "is there already"),
+    ("run --rig dark.toml", "dark.toml: leds: missing: a table"),
+    ("run --rig shaded.toml", "shaded.toml: shade: unknown key: known are schema_version, name, prism"),
+    ("run --rig shaded.toml", "simulation, scenario; leds: missing"),
     ("run --rig arrays.toml", 'leds.spot_mm: 5.0: 0.35 to 0.8 of leds.pitch_mm: narrower spots leave gaps'),
     ("run --rig aside.toml", "frame.x_mm: [200.0, 300.0]: on the mirror, 0 to 77."),
     ("design leds", 'arrays of LEDs and photodetectors have no camera: only `run` and `replay` take'),
@@ -356,6 +359,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "jelly.toml").write_text(text.replace('support = "free"', 'support = "jelly"'))
     arrays = resource("calibration", "rigs", "leds.toml").read_text()
     (folder / "arrays.toml").write_text(arrays.replace("spot_mm = 1.0", "spot_mm = 5.0"))
+    start, end = arrays.index("[leds]"), arrays.index("[detectors]")
+    (folder / "dark.toml").write_text(arrays[:start] + arrays[end:])
+    (folder / "shaded.toml").write_text(f"{arrays[:start]}[shade]\nof = 1\n{arrays[end:]}")
     (folder / "aside.toml").write_text(arrays.replace("x_mm = [17.0, 67.0]", "x_mm = [200.0, 300.0]"))
     watched = resource("calibration", "rigs", "contactless.toml").read_text()
     (folder / "odd.toml").write_text(watched.replace("columns = 320 ", "columns = 321 "))

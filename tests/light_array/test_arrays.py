@@ -1,6 +1,7 @@
 """The zero method in light levels: reading, lock, channels that fail, recording and replay."""
 
 import json
+import re
 
 import h5py
 import numpy as np
@@ -9,7 +10,7 @@ from command_line import run
 
 from benchmarks import leds
 from zeromethod.light_array.channels import Seen
-from zeromethod.light_array.estimate import light_at, looked_at, model_of, seen
+from zeromethod.light_array.estimate import look, model_of, seen
 from zeromethod.light_array.frames import FRAME_BYTES, LEVELS, READINGS, Frames, levels_frame, readings_frame
 from zeromethod.light_array.loop import LightLoop
 from zeromethod.light_array.modes import Modes
@@ -25,7 +26,7 @@ def test_the_optics_of_the_reader_see_what_traced_rays_see():
     arrays, model = SimulatedArrays(rig), model_of(rig)
     levels = levels_at_rest(rig) / 65535
     true = arrays._seen(FramedMirror(leds.pressed([]).mirror_at(0), rig)) @ levels
-    found = seen(light_at(model, looked_at(model, np.zeros(rig.reading.modes))), levels)
+    found = seen(look(model, np.zeros(rig.reading.modes)).light, levels)
     # apertures are combined here as a variance, there ray by ray; what is left is taken out at rest
     assert np.abs(found - true).max() < 0.003
 
@@ -121,7 +122,9 @@ def test_a_dent_below_the_noise_is_within_sigma(sigma):
     # 1 µm: a few sigma of one reading, at single detectors
     out = leds.run(leds.packaged(), leds.pressed([(42.0, 3.0, sigma, 0.001)]))
     assert len(out.errors) > 20
-    assert all(abs(error[1]) < 3 for error in out.errors)
+    # of 66 readings of noise one is beyond 3 sigma in every sixth run, and beyond 4 in none of 200
+    assert all(abs(error[1]) < 4 for error in out.errors)
+    assert np.mean([abs(error[1]) > 3 for error in out.errors]) < 0.05
 
 
 def test_detectors_that_are_turned_are_found_to_look_elsewhere():
@@ -142,6 +145,7 @@ def test_a_recording_repeats_bit_for_bit_and_says_so_where_it_does_not(tmp_path)
     again = run("replay", file)
     assert again.code == 0
     assert "the same, bit for bit" in again.out
+    assert re.search(r"frames +(\d+)", again.out)[1] == re.search(r"frames \(lost\) +(\d+)", ran.out)[1]
     with h5py.File(file, "r+") as recorded:
         # one reading of the press, by one count
         row = recorded["readings"][-600]
@@ -176,7 +180,7 @@ def test_what_is_named_is_the_channel_that_explains_most():
     arrays.scenario = leds.pressed([])
     loop = LightLoop(rig, arrays)
     *_, step = loop.run(frames=30)
-    light = light_at(loop.model, looked_at(loop.model, np.zeros(rig.reading.modes)))
+    light = look(loop.model, np.zeros(rig.reading.modes)).light
     lit = step.shown / 65535
     of_88 = seen(light, np.where(np.arange(256) == 88, lit, 0.0)) / loop.model.sigma
     channels, reading = loop._channels, loop.start.reading(step.counts)

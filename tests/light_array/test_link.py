@@ -1,23 +1,28 @@
 """Arrays behind a link: a process of its own serves them, loses frames, breaks them, stalls, dies."""
 
+import io
+import signal
+import socket
 import subprocess
 import sys
 import time
 from contextlib import contextmanager
 
 import pytest
+from rich.console import Console
 
 from zeromethod.errors import InputError
 from zeromethod.light_array.link import LinkedArrays
 from zeromethod.light_array.rig import load_light_array
 from zeromethod.light_array.session import LightSession
 from zeromethod.loop.state import State
+from zeromethod.view.light_array import light_table
 
 
 @contextmanager
-def stand_in(*options):
+def stand_in(*options, stderr=None):
     command = [sys.executable, "-m", "zeromethod.light_array.stand_in", *map(str, options)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=stderr, text=True) as process:
         try:
             yield process, process.stdout.readline().strip()
         finally:
@@ -82,6 +87,34 @@ def test_arrays_that_die_end_the_run_with_a_reason(link):
     assert last.state is State.FAULT
     assert last.reason.startswith(("the arrays sent nothing", "the arrays are lost"))
     assert time.monotonic() - began < 60  # by itself, however busy the machine
+
+
+def test_the_stand_in_ends_and_refuses_in_one_line():
+    with stand_in("udp://127.0.0.1:0", stderr=subprocess.PIPE) as (process, _address):
+        process.send_signal(signal.SIGINT)
+        assert process.wait(20) == 130
+        assert process.stderr.read() == "interrupted\n"
+    with stand_in("udp://127.0.0.1:0") as (_, taken):
+        for given, words in (
+            (taken, f"{taken}: Address already in use"),
+            ("x", "x: udp://HOST:PORT, or serial"),
+        ):
+            with stand_in(given, stderr=subprocess.PIPE) as (process, _):
+                assert process.wait(20) == 2
+                assert process.stderr.read() == f"stand_in: {words}\n"
+
+
+def test_arrays_that_never_come_leave_no_figures(tmp_path):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as nobody:
+        nobody.bind(("127.0.0.1", 0))
+        with LightSession(at(f"udp://127.0.0.1:{nobody.getsockname()[1]}", reopen_s=0.3)) as session:
+            *_, last = session.run(None, None)
+    assert last.state is State.FAULT
+    assert session.figures["light_residual"] is None
+    assert session.figures["loop_ms"] is None
+    table = Console(file=(text := io.StringIO()))
+    table.print(light_table(session.figures))
+    assert "nan" not in text.getvalue()
 
 
 def test_addresses_that_are_none_are_refused():

@@ -58,6 +58,13 @@ class Light(NamedTuple):
     across: Float
 
 
+class Look(NamedTuple):
+    """Where detectors look: (256, 2) LED pitches, and what they see there."""
+
+    place: Float
+    light: Light
+
+
 _DAMPING = 0.03
 """Square of the share of a pattern of levels that reaches detectors below which it takes several frames:
 where the mirror gathers light, several detectors look at one LED, and it cannot show what all should."""
@@ -157,6 +164,13 @@ def light_at(model: Model, place: Float) -> Light:
     return Light(near, spots[0], spots[1])
 
 
+@numba.njit(cache=True)
+def look(model: Model, modes: Float) -> Look:
+    """Where detectors look by the mirror of modes, and the LEDs' spots there."""
+    place = looked_at(model, modes)
+    return Look(place, light_at(model, place))
+
+
 @numba.njit(cache=True, inline="always")
 def _inside(near: int, reach: int) -> tuple[int, int]:
     """First of a window's spots that are on the array, and the one after the last."""
@@ -180,12 +194,12 @@ def seen(light: Light, levels: Float) -> Float:
 
 
 @numba.njit(cache=True, fastmath=True)
-def light_by_place(model: Model, place: Float, levels: Float) -> tuple[Float, Float]:
+def light_by_place(model: Model, at: Look, levels: Float) -> tuple[Float, Float]:
     """(256,) light that each detector sees, and (2, 256) how it changes with the place looked at.
 
     The second in sigmas of a reading per LED pitch.
     """
-    light = light_at(model, place)
+    place, light = at
     total, by_place, reach = np.zeros(COUNT), np.empty((2, COUNT)), light.along.shape[1] // 2
     for k in range(COUNT):
         first, last = _inside(light.near[k, 0], reach)
@@ -278,13 +292,14 @@ def next_levels(
 
 
 class Fit(NamedTuple):
-    """What a frame says. state: after the step; left: (256,) residual after it, in sigmas.
+    """What a frame says. state: after the step; look: by it. left: (256,) residual after it, in sigmas.
 
     moved: largest change of a place by the step, LED pitches. scale: robust size of `left`, 1 for noise
     alone.
     """
 
     state: Float
+    look: Look
     left: Float
     moved: float
     scale: float
@@ -294,6 +309,7 @@ class Fit(NamedTuple):
 def fit(
     model: Model,
     state: Float,
+    at: Look,
     covariance: Float,
     fresh: bool,
     lit: Float,
@@ -303,14 +319,13 @@ def fit(
 ) -> Fit:
     """Step of Gauss and Newton from `state` (modes, then brightness and light from outside), by one frame.
 
-    covariance: of the state, (n, n), renewed in place where `fresh`. lit: (256,) levels times the LEDs'
-    gains. offset: (256,) what readings have at rest that the model has not. reading: (256,). used: which of
-    them count.
+    at: by the state. covariance: of the state, (n, n), renewed in place where `fresh`. lit: (256,) levels by
+    the LEDs' gains. offset: (256,) what readings have at rest that the model has not. reading: (256,). used:
+    which of them count.
     """
     count = len(state) - 2
-    place = looked_at(model, state[:count])
     bright = 1 + state[count]
-    total, by_place = light_by_place(model, place, lit)
+    total, by_place = light_by_place(model, at, lit)
     jacobian = np.empty((COUNT, count + 2))
     left = np.empty(COUNT)
     for k in range(COUNT):
@@ -333,4 +348,5 @@ def fit(
             rest[k] = left[k]
     moved = max(np.abs(model.by_mode[0] @ step[:count]).max(), np.abs(model.by_mode[1] @ step[:count]).max())
     size = np.abs(rest)
-    return Fit(state + step, rest, moved, 1.4826 * np.median(size[used]))
+    state = state + step
+    return Fit(state, look(model, state[:count]), rest, moved, 1.4826 * np.median(size[used]))

@@ -8,7 +8,7 @@ import numpy as np
 
 from zeromethod.arrays import Float, Ints, Mask
 from zeromethod.light_array.devices import FULL_SCALE
-from zeromethod.light_array.estimate import light_by_place, looked_at, place_by
+from zeromethod.light_array.estimate import light_by_place, look, place_by
 from zeromethod.light_array.modes import Modes
 from zeromethod.light_array.optics import COUNT, ArrayOptics
 from zeromethod.light_array.rig import LightArrayRig
@@ -84,7 +84,7 @@ class FinerDents:
         """Take the light at rest, and which detectors are read, as measured at the start."""
         count, alive, model = len(self._modes.size_mm), start.detector > 0, start.model
         lit = start.led * start.levels / FULL_SCALE
-        _, by_place = light_by_place(model, looked_at(model, np.zeros(count)), lit)
+        _, by_place = light_by_place(model, look(model, np.zeros(count)), lit)
         modes, dents = (np.einsum("ik,ikn->kn", by_place, by) for by in (model.by_mode, self._moved))
         jacobian = np.concatenate([modes, np.ones((COUNT, 2)) / model.sigma], axis=1)
         seen = np.concatenate([dents, np.eye(COUNT), footprints(model) * lit / model.sigma], axis=1)
@@ -128,8 +128,8 @@ class FinerDents:
         odds = np.exp((evidence - top) / tempered)
         others = dents * np.exp(-top / tempered) + COUNT * np.exp(min(channel - top, 0.0) / tempered)
         hidden = self._missed**2 * (share**2 + variance / frames)
-        kept = np.argsort(evidence)[-_MOST:]
-        kept = kept[evidence[kept] > max(_SURE, channel, top / 4)]
+        kept = np.flatnonzero(evidence > max(_SURE, channel, top / 4))
+        kept = kept[np.argsort(evidence[kept])[-_MOST:]]
         x, y = self._places[best]
         mean = np.sqrt(odds @ hidden / (odds.sum() + others))
         return Finer(top > max(_SURE, channel), float(mean), float(x), float(y), kept, share[kept])

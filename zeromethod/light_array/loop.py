@@ -16,7 +16,7 @@ from zeromethod.contact import Contact
 from zeromethod.light_array.channels import Channels, Seen
 from zeromethod.light_array.depth import DepthReader
 from zeromethod.light_array.devices import FULL_SCALE, ArraysLost, Counts, LightArrays, Readings
-from zeromethod.light_array.estimate import Fit, fit, light_at, looked_at, model_of, next_levels
+from zeromethod.light_array.estimate import Fit, fit, look, model_of, next_levels
 from zeromethod.light_array.finer import FinerDents
 from zeromethod.light_array.optics import COUNT
 from zeromethod.light_array.rig import LightArrayRig
@@ -94,7 +94,7 @@ class LightLoop:
         self._sent: deque[tuple[int, Counts]] = deque(maxlen=_REMEMBERED)
         self._number = self._frames = self._refused = 0
         self._last: Readings | None = None
-        self._estimate = np.zeros(len(self.model.prior))
+        self._from_rest()
         self._covariance = np.diag(1 / self.model.prior)
         self._nulled = self._unfit = 0
         self._settled = self._resting = self._at_rest = False
@@ -117,6 +117,7 @@ class LightLoop:
                 self.start = measure_start(self.rig, self.model, self._exchange)
                 self._channels = Channels(self.start, self._finer)
                 self.model = self.start.model
+                self._from_rest()
                 self._send(self.start.levels)
                 yield self._step(
                     notes=tuple(f"{name} is {why} and left out" for name, why in self.faults.items())
@@ -136,6 +137,11 @@ class LightLoop:
                     break
         except _GivenUp:
             yield self._step()
+
+    def _from_rest(self) -> None:
+        """Take it that the mirror is at rest, for the next frame to start from."""
+        self._estimate = np.zeros(len(self.model.prior))
+        self._look = look(self.model, self._estimate[:-2])
 
     def stop(self) -> None:
         """End the run after the frame in hand."""
@@ -250,6 +256,7 @@ class LightLoop:
         found = fit(
             self.model,
             self._estimate,
+            self._look,
             self._covariance,
             fresh,
             lit,
@@ -257,10 +264,10 @@ class LightLoop:
             reading,
             channels.used,
         )
-        self._estimate = found.state
+        self._estimate, self._look = found.state, found.look
         self._settled = found.moved < _SETTLED
         fits = found.scale < _FITS
-        light = light_at(self.model, looked_at(self.model, found.state[:-2]))
+        light = found.look.light
         missing = np.where(channels.used, self.start.rest - reading, 0.0)
         used = int(np.count_nonzero(channels.used))
         wanted, could, residual = next_levels(
@@ -308,7 +315,7 @@ class LightLoop:
             if (
                 self._unfit % _UNFIT_FRAMES == 0 and not self._finer_dent
             ):  # look for it again from the mirror at rest
-                self._estimate = np.zeros(len(self._estimate))
+                self._from_rest()
         elif self._nulled >= LOCK_FRAMES:
             self.state, self.reason = State.RESTING if self._resting else State.LOCKED, ""
         else:

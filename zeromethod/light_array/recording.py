@@ -178,7 +178,9 @@ def replay(path: Path) -> dict[str, Any]:
     loop = LightLoop(rig, played)
     depth = tables["depth"]
     found: dict[int, Float] = {}
+    frames = 0
     for step in loop.run():
+        frames += step.sensed
         if step.modes is not None:
             found[step.number] = step.modes
         if played.over:
@@ -187,7 +189,7 @@ def replay(path: Path) -> dict[str, Any]:
     differing = sum(modes is None or not np.array_equal(before, modes) for before, modes in pairs)
     most = max((float(np.abs(a - b).max()) for a, b in pairs if b is not None), default=0.0)
     return {
-        "frames": len(tables["readings"]),
+        "frames": frames,
         "levels": played.sent,
         "levels_differing": played.differing,
         "readings_of_depth": len(depth),

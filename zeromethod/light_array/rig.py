@@ -12,7 +12,7 @@ from pydantic import Field, ValidationError, model_validator
 from zeromethod.errors import InputError
 from zeromethod.optics.prism import PrismGeometry
 from zeromethod.resources import resource
-from zeromethod.rig.load import LIGHT_ARRAYS, read_text, rig_path
+from zeromethod.rig.load import LIGHT_ARRAY_TABLES, LIGHT_ARRAYS, read_text, rig_path
 from zeromethod.rig.prism_tables import Prism
 from zeromethod.rig.refusal import first_refusal, refused
 from zeromethod.rig.tables import Count, NotNegative, Positive, Rate, Share, Table, Text, Vector2
@@ -178,7 +178,7 @@ def parse(text: str, where: str | Path) -> LightArrayRig | None:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError:
         return None
-    return checked(data, where) if "leds" in data else None
+    return checked(data, where) if LIGHT_ARRAY_TABLES & set(data) else None
 
 
 def load_light_array(name: str | Path) -> LightArrayRig | None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from zeromethod.arrays import Float
 from zeromethod.light_array.devices import Counts, LightArrays, open_arrays
-from zeromethod.light_array.loop import LightLoop, LightStep
+from zeromethod.light_array.loop import READ_EVERY, LightLoop, LightStep
 from zeromethod.light_array.rig import LightArrayRig
 from zeromethod.light_array.simulated import SimulatedArrays
 from zeromethod.loop.state import State
@@ -142,7 +142,7 @@ class LightSession:
     def figures(self) -> dict[str, Any]:
         """All figures of the run so far, as --summary writes them."""
         last, loop = self.last, self.loop
-        ms = np.array(self._loop_ms or [np.nan])
+        ms = np.array(self._loop_ms)
         peak = None if last is None or not self.history else self.history[-1]
         figures: dict[str, Any] = {
             "rig": self.rig.name,
@@ -151,13 +151,15 @@ class LightSession:
             "frames": len(self._loop_ms),
             "dropped": loop.counts["readings lost"],
             "readings_of_depth": len(self.history),
-            "reading_hz": self.rig.detectors.rate_hz / 5,
+            "reading_hz": self.rig.detectors.rate_hz / READ_EVERY,
             "modes": self.rig.reading.modes,
             "depth_peak_mm": None if peak is None else peak[1],
             "depth_peak_sigma_mm": None if peak is None else peak[2],
-            "light_residual": None if last is None else last.light_residual,
-            "loop_ms": {"median": float(np.median(ms)), "p99": float(np.percentile(ms, 99))},
-            "computing_hz": float(1e3 / np.median(ms)),
+            "light_residual": None if last is None or np.isnan(last.light_residual) else last.light_residual,
+            "loop_ms": {"median": float(np.median(ms)), "p99": float(np.percentile(ms, 99))}
+            if len(ms)
+            else None,
+            "computing_hz": float(1e3 / np.median(ms)) if len(ms) else None,
             "faults": loop.faults,
             "events": dict(loop.counts),
         }

@@ -34,12 +34,14 @@ class _Line:
         self._socket: socket.socket | None = None
         self._peer: tuple[str, int] | None = None
         self._frames = Frames(LEVELS)
-        if address.startswith("udp://"):
-            host, _, port = address.removeprefix("udp://").rpartition(":")
+        host, _, port = address.removeprefix("udp://").rpartition(":")
+        if address.startswith("udp://") and port.isdigit() and int(port) < 65536:
             self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
             self._socket.bind((host, int(port)))
             self._handle = self._socket.fileno()
             self.address = f"udp://{host}:{self._socket.getsockname()[1]}"
+        elif address != "serial":
+            raise InputError(f"{address}: udp://HOST:PORT, or serial")
         else:
             self._handle, far = os.openpty()
             tty.setraw(far)
@@ -86,11 +88,27 @@ def stand_in(
     end: int | None, wait_s: float,
 ) -> None:  # fmt: skip
     """Serve simulated arrays at ADDRESS: udp://HOST:PORT, or serial."""
-    arrays = load_light_array(rig)
-    if arrays is None:
-        raise InputError(f"--rig: {rig}: a rig of arrays")
-    device = SimulatedArrays(arrays.changed(**({} if scenario is None else {"scenario": scenario})))
-    line, luck, count = _Line(address), np.random.default_rng(0), 0
+    try:
+        arrays = load_light_array(rig)
+        if arrays is None:
+            raise InputError(f"--rig: {rig}: a rig of arrays")
+        device = SimulatedArrays(arrays.changed(**({} if scenario is None else {"scenario": scenario})))
+        _serve(_Line(address), device, lose, broken, stall, end, wait_s)
+    except KeyboardInterrupt:
+        click.echo("interrupted", err=True)
+        sys.exit(130)
+    except (InputError, OSError) as error:
+        words = f"{address}: {error.strerror}" if isinstance(error, OSError) else str(error)
+        click.echo(f"stand_in: {words}", err=True)
+        sys.exit(2)
+
+
+def _serve(
+    line: _Line, device: SimulatedArrays, lose: float, broken: float, stall: tuple[float, float],
+    end: int | None, wait_s: float,
+) -> None:  # fmt: skip
+    """Give readings, as the options say, until the end."""
+    luck, count = np.random.default_rng(0), 0
     click.echo(line.address)
     sys.stdout.flush()
     while not (asked := line.levels(0.2)):

@@ -10,7 +10,7 @@ import numpy as np
 from zeromethod.arrays import Float
 from zeromethod.errors import MeasurementError
 from zeromethod.light_array.devices import FULL_SCALE, Counts, Readings
-from zeromethod.light_array.estimate import Light, Model, light_at, looked_at, seen
+from zeromethod.light_array.estimate import Light, Model, look, seen
 from zeromethod.light_array.optics import COUNT
 from zeromethod.light_array.rig import SIDE, LightArrayRig
 
@@ -100,7 +100,7 @@ def measure_start(rig: LightArrayRig, model: Model, exchange: Exchange) -> Start
 
 def _at_rest(model: Model) -> Light:
     """What detectors see by the mirror at rest."""
-    return light_at(model, looked_at(model, np.zeros(model.by_mode.shape[2])))
+    return look(model, np.zeros(model.by_mode.shape[2])).light
 
 
 def footprints(model: Model) -> Float:

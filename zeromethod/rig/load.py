@@ -13,6 +13,8 @@ from zeromethod.rig.refusal import shown
 LIGHT_ARRAYS = ("leds",)
 """Packaged rigs of LED and photodetector arrays, which have no camera and a schema of their own."""
 
+LIGHT_ARRAY_TABLES = frozenset({"leds", "detectors", "arrays"})
+"""Tables that no rig with a camera has: one of them makes a file a rig of arrays."""
 
 _ARRAYS_ONLY = "arrays of LEDs and photodetectors have no camera: only `run` and `replay` take them"
 
@@ -66,8 +68,8 @@ def parse_rig(text: str, path: Path, *, measured: bool = True) -> Rig:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"{path}: {error}: not TOML") from None
-    if "leds" in data:
-        raise InputError(f"{path}: [leds]: {_ARRAYS_ONLY}")
+    if found := sorted(LIGHT_ARRAY_TABLES & set(data), reverse=True):
+        raise InputError(f"{path}: [{found[0]}]: {_ARRAYS_ONLY}")
     return Rig.checked(data, path, path.parent, measured=measured)
 
 

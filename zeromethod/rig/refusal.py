@@ -188,8 +188,19 @@ def _complaint(model: type[BaseModel], detail: ErrorDetails) -> str:
 
 
 def first_refusal(error: ValidationError, model: type[BaseModel]) -> str:
-    """First complaint as "key: value: what is allowed"; a misspelt key goes before the key it left out."""
+    """First complaint as "key: value: what is allowed".
+
+    An unknown key goes before one that is missing; where it is no misspelling of that, both are named.
+    """
     given = [_untagged(model, detail) for detail in error.errors(include_url=False)]
     details = [detail for detail in given if detail is not None]
     unknown = [detail for detail in details if detail["type"] == "extra_forbidden"]
-    return _complaint(model, (unknown or details)[0])
+    first = _complaint(model, (unknown or details)[0])
+    missing = [dotted(detail["loc"]) for detail in details if detail["type"] == "missing"]
+    if (
+        unknown
+        and missing
+        and not any(first.endswith(f"did you mean {key.split('.')[-1]}?") for key in missing)
+    ):
+        return f"{first}; {missing[0]}: missing"
+    return first

@@ -20,7 +20,7 @@ _ROWS = (
     ("readings of depth, each of five frames", ("readings_of_depth",), "{}"),
     ("residual at the end, of full scale", ("light_residual",), "{:.5f}"),
     ("residual while pressed", ("light_residual_pressed",), "{:.5f}"),
-    ("peak depth at the end (sigma)", ("depth_peak_mm", "depth_peak_sigma_mm"), "{:.5f} mm ({:.5f})"),
+    ("peak depth at the end (sigma)", ("depth_peak_mm", "depth_peak_sigma_mm"), "{:.5f} mm ({:.2g})"),
     ("peak error, worst of hold and slide", ("depth_peak_error_percent",), "{:+.3f} %"),
     ("the same in its sigmas", ("depth_peak_error_sigmas",), "{:+.2f}"),
     ("depth error in hold and slide", ("depth_rms_error_um",), "{:.3f} µm rms"),
@@ -31,7 +31,7 @@ _ROWS = (
 
 def light_table(figures: dict[str, Any]) -> Table:
     """Table of the figures that there are."""
-    known = figures | figures.get("truth", {}) | figures["loop_ms"]
+    known = figures | figures.get("truth", {}) | (figures["loop_ms"] or {})
     rows = [
         (label, pattern.format(*(known[key] for key in keys)))
         for label, keys, pattern in _ROWS
