@@ -38,7 +38,7 @@ LIT_SHARE = 0.3
 """Mean light over that at rest from which a node sees the LCD at all."""
 
 BRIGHTER = 1.02
-"""Light over that at rest, over the same of other nodes, of nodes behind a lamp's image: folds have no more."""
+"""Light over that at rest, over the same of other nodes, behind a lamp: folds have no more than others."""
 
 REACH_NODES = 3
 """Nodes around that join failing ones to a patch."""
