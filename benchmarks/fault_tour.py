@@ -35,8 +35,10 @@ FRAMES_AFTER = 40
 DEPTH_MM, CHANGED_MM = 0.2, 0.12
 WITHIN_PERCENT = 1.0
 GOOD = {State.LOCKED, State.RESTING, State.PASSIVE}
-MIDDLES_MM = {"simulated": VIEW_MIDDLE_MM, "contactless": 62.0}
-"""x of the mirror point in the middle of a rig's view."""
+MIDDLES_MM = {"simulated": VIEW_MIDDLE_MM, "contactless": 62.0, "thin": 38.0}
+"""x of the mirror point pressed, in the middle of a rig's view or, of a saw, on a seam."""
+SHARES, BINNING = {"thin": 0.5}, {"thin": 2}
+"""Depth over that of the others, and how many pixels become one where it is not four: a tooth needs nodes."""
 LIGHTS: dict[str, dict[str, Any]] = {
     "lcd": {},
     "mains": {"light.mains": 1.0},
@@ -123,14 +125,19 @@ def tour(
     fault: Fault, moving: bool, frames_after: int = FRAMES_AFTER, light: str = "lcd", name: str = "simulated"
 ) -> Outcome:
     """Run one fault under a light, on a rig by name; the run goes on for so many frames after it."""
-    rig = coarser(load_rig("printed"), 2) if light == "printed" else coarser(load_rig(name), 4)
+    rig = (
+        coarser(load_rig("printed"), 2)
+        if light == "printed"
+        else coarser(load_rig(name), BINNING.get(name, 4))
+    )
     rig = rig.replace(LIGHTS[light])
     simulation = rig.simulation
     fault_s = (simulation.camera_phase + FAULT_FRAME) / rig.camera.rate_hz
     jump_s = fault_s + fault.changes_after / rig.camera.rate_hz
-    path = [(PRESS_S, 0.0), (PRESS_S, DEPTH_MM)]
+    deep_mm, changed_mm = (SHARES.get(name, 1.0) * depth_mm for depth_mm in (DEPTH_MM, CHANGED_MM))
+    path = [(PRESS_S, 0.0), (PRESS_S, deep_mm)]
     if moving:
-        path += [(jump_s, DEPTH_MM), (jump_s, CHANGED_MM)]
+        path += [(jump_s, deep_mm), (jump_s, changed_mm)]
     rig = changed(rig, simulation={"faults": fault.keys})
     events: list[str] = []
     states: list[str] = []

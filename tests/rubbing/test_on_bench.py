@@ -1,10 +1,14 @@
 """A brush on the simulated bench, seen through the loop: share, pitch, speed, stick and slip, force."""
 
+import csv
+from dataclasses import asdict
+
 import numpy as np
 import pytest
 
-from zeromethod import Recording, Session, load_rig
-from zeromethod.rubbing import Motion
+from zeromethod import Recording, Session, export_recording, load_rig
+from zeromethod.rubbing import ContactStatus, Motion
+from zeromethod.view.report_summary import summarise_recording
 
 VIEW = {"camera.columns": 480, "camera.rows": 384, "camera.centre_px": [239.5, 191.5]}
 """The packaged bench's pixels, fewer of them."""
@@ -86,3 +90,21 @@ def test_summary_and_recording_have_the_same_figures(run):
     assert summed["frames"] == len(known)
     assert summed["pitch_mm"] == pytest.approx(PITCH_MM, rel=0.02)
     assert [name for _, name in summed["events"]] == ["slip", "stick"]
+
+
+def test_a_csv_the_report_and_a_replay_have_them_too(run, tmp_path):
+    steps, figures, recording = run
+    known = [one for one in steps if one.contact_status is not None]
+    written = export_recording(recording, tmp_path / "rub.csv", form="rubbing")
+    with (tmp_path / "rub.csv").open(newline="") as file:
+        lines = list(csv.DictReader(file))
+    assert written["frames"] == len(lines) == len(known)
+    assert [line["motion"] for line in lines] == [str(one.contact_status.motion) for one in known]
+    last = known[-1].contact_status
+    assert float(lines[-1]["pitch_mm"]) == last.pitch_mm
+    assert lines[-1]["spot_life_s"] == ""  # bristles stay
+    assert lines[0]["reason"] == known[0].contact_status.reason
+    reported = summarise_recording(recording)["contact_status"]
+    assert reported["share"] == pytest.approx(figures["contact_status"]["share"], rel=1e-9)
+    rows = recording.tables.contact_status()
+    np.testing.assert_equal(asdict(ContactStatus.of_row(rows[-1])), asdict(last))

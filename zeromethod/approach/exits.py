@@ -19,12 +19,14 @@ class Exits:
     """Rays of one view above the mirror: the place at height z is `foot` + z `tangent`.
 
     foot: (rows, cols, 2) mm, at z = 0. tangent: (rows, cols, 2). valid: (rows, cols) the pixel sees through
-    the mirror; foot and tangent are 0 elsewhere.
+    the mirror; foot and tangent are 0 elsewhere. areas: (rows, cols, 3): of the plane at z a pixel covers
+    |areas @ (1, z, z^2)| mm^2.
     """
 
     foot: Float
     tangent: Float
     valid: Mask
+    areas: Float
 
 
 def exits_of(rig: Rig, watch: WatchSpec) -> tuple[Exits, Exits]:
@@ -49,4 +51,13 @@ def _view(rig: Rig, watch: WatchSpec, across: Float, *, right: bool) -> Exits:
         tangent = direction[..., :2] / direction[..., 2:]
     foot = place[..., :2] - place[..., 2:] * tangent
     valid = np.isfinite(tangent[..., 0]) & optics.prism.on_mirror(place[..., 0], place[..., 1])
-    return Exits(np.where(valid[..., None], foot, 0.0), np.where(valid[..., None], tangent, 0.0), valid)
+    foot, tangent = (np.where(valid[..., None], one, 0.0) for one in (foot, tangent))
+    down, along, tilt, turn = (
+        np.asarray(np.gradient(one, axis=axis)) for one in (foot, tangent) for axis in (0, 1)
+    )
+    areas = _cross(down, along), _cross(down, turn) + _cross(tilt, along), _cross(tilt, turn)
+    return Exits(foot, tangent, valid, np.stack(areas, axis=-1))
+
+
+def _cross(first: Float, second: Float) -> Float:
+    return np.asarray(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])

@@ -12,7 +12,7 @@ from zeromethod.approach.exits import exits_of
 from zeromethod.approach.silhouettes import SOME, Background
 from zeromethod.approach.spot import Spot, spot_of
 from zeromethod.approach.track import MISSED_S, Track
-from zeromethod.arrays import Image
+from zeromethod.arrays import Float, Image
 from zeromethod.errors import InputError
 from zeromethod.optics.prism import PrismGeometry
 from zeromethod.rig.model import Rig
@@ -41,6 +41,8 @@ class WatchReader:
         self._some = np.flatnonzero(np.hstack([exits.valid for exits in self.exits]))[::SOME]
         self._backgrounds = tuple(Background(exits.valid) for exits in self.exits)
         self._mirror = PrismGeometry(rig.prism)
+        feet = [exits.foot[exits.valid].mean(axis=0) for exits in self.exits]
+        self._middle: Float = np.mean(feet, axis=0)
         self._track: Track | None = None
         self._last: Image | None = None
         self._same = 0
@@ -59,23 +61,32 @@ class WatchReader:
             if left.darker == right.darker and (spot := spot_of(self.exits, (left, right))) is not None
         ]
         approach = self._follow(spots, time_ns)
-        x, y = np.array([approach.x_mm, approach.y_mm])
-        misses = approach.armed and not self._mirror.on_mirror(x, y)
-        return replace(approach, watching=Watching.SEEN) if misses else approach
+        return replace(approach, watching=Watching.SEEN) if self._misses(approach) else approach
+
+    def _misses(self, approach: Approach) -> bool:
+        """Whether what comes touches beside the mirror, all of it."""
+        if self._track is None or not approach.armed:
+            return False
+        place = np.array([approach.x_mm, approach.y_mm])
+        inwards = self._middle - place
+        inwards *= min(self._track.reach_mm / max(float(np.hypot(*inwards)), 1e-9), 1.0)
+        return not self._mirror.on_mirror(*(place + inwards))
 
     def _follow(self, spots: list[Spot], time_ns: int) -> Approach:
         track = self._track
-        if track is not None:
+        if track is not None and time_ns - track.time_ns < 1e9 * MISSED_S:
             own = [spot for spot in spots if track.fits(time_ns, spot)]
             if own:
-                track.add(time_ns, min(own, key=lambda spot: float(np.linalg.norm(spot.place - track.last))))
+                track.add(
+                    time_ns, min(own, key=lambda spot: float(np.linalg.norm(spot.flat.place - track.last)))
+                )
                 return track.approach()
-            if time_ns - track.time_ns < 1e9 * MISSED_S:
-                return track.approach()
+            track.miss()
+            return track.approach()
         self._track = None
         if not spots:
             return Approach(watching=Watching.CLEAR, time_ns=time_ns)
-        self._track = Track(time_ns, min(spots, key=lambda spot: float(spot.place[2])))
+        self._track = Track(time_ns, min(spots, key=lambda spot: float(spot.flat.place[2])))
         return self._track.approach()
 
     def _trouble(self, image: Image) -> str:

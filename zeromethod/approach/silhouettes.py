@@ -20,22 +20,26 @@ SIGMAS, LEAST_SHARE = 6.0, 0.07
 """What stands differs by so many sigmas of the noise and such a share of the view's mean, at the least."""
 LEAST_PX, MOST = 3, 5
 """Pixels of the smallest silhouette, and how many of the largest are looked at."""
-RIM_PX = 2
-_NEAR = np.ones((2 * RIM_PX + 1, 2 * RIM_PX + 1))
+RIM_PX = 4
+_NEAR = np.ones((5, 5))
 SOME = 7
 """One pixel in so many is enough for a median of the view."""
 
 
 @dataclass(frozen=True, slots=True)
 class Silhouette:
-    """One thing before the background: its pixels by `rows` and `cols`, and how much of each it covers.
+    """One thing before the background, in a window of the view that is somewhat larger.
 
-    cut: the view ends before it does; aside: beside it, along the rows of the image.
+    cover: how much of each pixel it covers, roughly. seen_grey: what is seen less the background,
+    behind_grey. cut: the view ends before it does; aside: beside it, along the rows of the image.
     """
 
     rows: slice
     cols: slice
     cover: Float
+    seen_grey: Float
+    behind_grey: Float
+    noise_grey: float
     darker: bool
     cut: bool
     aside: bool
@@ -49,6 +53,7 @@ class Background:
         self._valid = valid
         self._sides, self._ends = (_rim(valid, kernel) for kernel in (np.ones((1, 3)), np.ones((3, 1))))
         self._some = np.flatnonzero(valid)[::SOME]
+        self._some_steps = np.flatnonzero(valid[:, 1:] & valid[:, :-1])[::SOME]
         self._median: Single | None = None
         self._noise_grey = 3.0
 
@@ -62,8 +67,12 @@ class Background:
         off = np.where(self._valid, grey * np.float32(1.0 / level) - self._median, np.float32(0.0))
         noise = 1.48 * float(np.median(np.abs(off.ravel()[self._some])))
         self._noise_grey += 0.05 * (min(noise, 2 * self._noise_grey) - self._noise_grey)
-        least = max(SIGMAS * self._noise_grey, LEAST_SHARE * mean)
-        stands = (np.abs(off) > least).astype(np.uint8)
+        # soft shadows cancel out between neighbours, and leave the noise of a pixel
+        steps = np.abs(np.diff(off, axis=1)).ravel()[self._some_steps]
+        pixel_noise = max(1.05 * float(np.median(steps)), 0.3)
+        least = max(SIGMAS * self._noise_grey / 3.0, LEAST_SHARE * mean)
+        # means of 3 x 3 pixels, with a third of the noise
+        stands = (np.abs(cv2.blur(off, (3, 3))) > least).astype(np.uint8)
         if not stands.any():
             self._median += np.clip(off, -STEP_GREY, STEP_GREY)
             return []
@@ -74,7 +83,7 @@ class Background:
         largest = 1 + np.argsort(-stats[1:count, cv2.CC_STAT_AREA])[:MOST]
         found = []
         for k in map(int, largest[stats[largest, cv2.CC_STAT_AREA] >= LEAST_PX]):
-            parts = off, self._median, least, labels == k, stats[k]
+            parts = off, self._median, least, pixel_noise, labels == k, stats[k]
             found.append(_silhouette(*parts, cut=k in beside | ends, aside=k in beside))
         return found
 
@@ -86,8 +95,9 @@ def _rim(valid: Mask, kernel: Float) -> Mask:
 
 
 def _silhouette(
-    off: Single, background: Single, least: float, own: Mask, stats: Float, *, cut: bool, aside: bool
-) -> Silhouette:
+    off: Single, background: Single, least: float, noise: float, own: Mask, stats: Float,
+    *, cut: bool, aside: bool,
+) -> Silhouette:  # fmt: skip
     left, top, width, height = (int(stats[k]) for k in range(4))
     rows = slice(max(top - RIM_PX, 0), min(top + height + RIM_PX, off.shape[0]))
     cols = slice(max(left - RIM_PX, 0), min(left + width + RIM_PX, off.shape[1]))
@@ -102,4 +112,4 @@ def _silhouette(
     full = np.minimum(own_grey - behind, -least) if darker else np.maximum(own_grey - behind, least)
     # noise beside it must cancel out, and inside it is covered whatever its shade
     cover = np.where(cv2.dilate(inside, _NEAR) > 0, np.minimum(seen / full, 1.0), 0.0)
-    return Silhouette(rows, cols, np.where(core, 1.0, cover), darker, cut, aside)
+    return Silhouette(rows, cols, np.where(core, 1.0, cover), seen, behind, noise, darker, cut, aside)

@@ -75,6 +75,8 @@ def export_command(
     .mcap        camera, depth image, point cloud, peak, state for robots (ROS 2 types)
     .mp4         a video of camera, residual and depth
 
+    With --format rubbing OUT is a .csv of how a texture rubbed, of `run --rubbing`.
+
     With --fine: .npz, .tif, .ply, .stl and .csv of the surfaces of every pixel.
 
     Times are seconds since the recording's first step.
@@ -137,6 +139,7 @@ _ABOUT = {
     "npz": "",
     "tiff": "{columns} x {rows} px of {pitch_mm:g} mm",
     "csv": "{peaks} peaks",
+    "rubbing": "{frames} frames with a contact status",
     "mp4": "{rate_hz:.3f} frames/s, {length_s:.2f} s, {codec}",
     **dict.fromkeys(MESHES, _MESH),
 }

@@ -15,7 +15,7 @@ from zeromethod.export.npz import export_npz
 from zeromethod.export.selection import SelectedSteps, Selection, needed, require
 from zeromethod.export.source import MapSource
 from zeromethod.export.tiff import export_tiff
-from zeromethod.export.track import export_track
+from zeromethod.export.track import export_status, export_track
 from zeromethod.recording.recording import Recording
 
 
@@ -46,6 +46,7 @@ _FORMATS = {
     "ply": _Format(partial(export_mesh, form="ply"), (".ply",), "trimesh"),
     "stl": _Format(partial(export_mesh, form="stl"), (".stl",), "trimesh"),
     "csv": _Format(export_track, (".csv",), groups=(), parts=()),
+    "rubbing": _Format(export_status, (), groups=(), parts=()),
     "mcap": _Format(export_mcap, (".mcap",), "mcap_ros2.writer", ("frames", "surface"), (), "an MCAP file"),
     "mp4": _Format(_export_video, (".mp4",), "av", ("frames",), ("frames", "residual", "surface"), "a video"),
 }

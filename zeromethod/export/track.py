@@ -13,6 +13,7 @@ import numpy as np
 from zeromethod.atomic_write import atomic_write
 from zeromethod.export.selection import SelectedSteps
 from zeromethod.recording.recording import Recording
+from zeromethod.recording.schema import CONTACT_STATUS
 
 COLUMNS = (
     *("time_s", "depth_mm", "depth_sigma_mm", "x_mm", "y_mm", "x_sigma_mm", "y_sigma_mm"),
@@ -52,6 +53,28 @@ def export_track(
             lines.writerow([f"{time_s:.9f}", *numbers, state, where, "peak" if int(step) in damaged else ""])
             advance()
     return {"times": len(selected.steps), "peaks": len(peaks.keys() & set(selected.steps.tolist()))}
+
+
+def export_status(
+    recording: Recording, selected: SelectedSteps, path: Path, advance: Callable[[], None]
+) -> dict[str, Any]:
+    """Write how a texture rubbed, a line for each frame with a contact status, empty where not known."""
+    rows = {int(row["step"]): row for row in recording.tables.contact_status()}
+    names = [name for name in CONTACT_STATUS if name not in ("step", "time_ns")]
+    with atomic_write(path) as part, part.open("w", newline="", encoding="utf-8") as file:
+        lines = csv.writer(file, lineterminator="\n")
+        lines.writerow(["time_s", *names])
+        for step, time_s in zip(selected.steps, selected.time_s, strict=True):
+            if (row := rows.get(int(step))) is not None:
+                lines.writerow([f"{time_s:.9f}", *(_cell(row[name].item()) for name in names)])
+            advance()
+    return {"frames": len(rows.keys() & set(selected.steps.tolist()))}
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, bytes):
+        return value.decode()
+    return "" if isinstance(value, float) and not math.isfinite(value) else repr(value)
 
 
 def _fine_track(

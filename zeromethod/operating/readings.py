@@ -16,8 +16,12 @@ from zeromethod.operating.advice import ADVICE, FRESH, LATE_S, doubt_of
 from zeromethod.operating.fine_doubt import Spoiled
 from zeromethod.operating.lasting import LastingState
 from zeromethod.operating.rates import Rate
+from zeromethod.rubbing import ContactStatus
 from zeromethod.session.session import Session
 from zeromethod.surface import Surface
+
+STATUS = ("share", "spots_per_cm2", "spot_mm2", "speed_mm_s", "sigma_speed_mm_s", "pitch_mm", "aliased")
+"""Figures of a texture that rubs among the values."""
 
 HISTORY = (
     "time_s",
@@ -65,6 +69,15 @@ def approach_values(approach: Approach | None) -> dict[str, Any]:
     }
 
 
+def status_values(status: ContactStatus | None) -> dict[str, Any]:
+    """Values of a texture that rubs; None where none does."""
+    values = {name: None if status is None else getattr(status, name) for name in STATUS}
+    known = {
+        f"rubbing_{name}": number(one) if isinstance(one, float) else one for name, one in values.items()
+    }
+    return {"rubbing": "" if status is None else status.words, **known}
+
+
 class Readings:
     """Follows the steps of a session, in its thread; `values` may be asked for in any other."""
 
@@ -89,6 +102,7 @@ class Readings:
             )
         )
         self._peak |= {"contacts": [], "force_normal_n": None, "force_normal_sigma_n": None}
+        self._peak |= status_values(None)
         self._fine: dict[str, Any] = dict.fromkeys(("fine_peak_mm", "fine_peak_sigma_mm", "fine_time_s"))
         self._spoiled, self._zero = Spoiled(), session.loop.zero
         self._frame: dict[str, Any] = {"frame": None, "exposure_ms": None, "delay_ms": None}
@@ -148,6 +162,7 @@ class Readings:
             "latency_ms": number(step.latency_ms),
             "force_normal_n": number(step.total_force_n),
             "force_normal_sigma_n": number(step.sigma_total_force_n),
+            **status_values(step.contact_status),
             "contacts": [
                 {key: number(value) if isinstance(value, float) else value for key, value in each.items()}
                 for each in map(asdict, step.touching)

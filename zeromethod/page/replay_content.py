@@ -13,12 +13,19 @@ from zeromethod.operating.fine_doubt import Spoiled
 from zeromethod.operating.lasting import LastingState
 from zeromethod.operating.player import Player
 from zeromethod.operating.rates import Rate
-from zeromethod.operating.readings import approach_values, history_row, median_sigma_um, number
+from zeromethod.operating.readings import (
+    approach_values,
+    history_row,
+    median_sigma_um,
+    number,
+    status_values,
+)
 from zeromethod.page.fine_maps import FineMaps
 from zeromethod.page.message import Content, Said
 from zeromethod.page.run_content import lattice_of, residual_maps, surface_maps
 from zeromethod.recording.recording import Recording
 from zeromethod.recording.schema import CONTACTS, STATES
+from zeromethod.rubbing import ContactStatus
 from zeromethod.surface import Surface
 
 MOST_ROWS = 4000
@@ -40,7 +47,7 @@ class ReplayContent:
         self._start_ns = int(self.steps["time_ns"][0])
         self.times_s = 1e-9 * (self.steps["time_ns"] - self._start_ns)
         self._peaks, self._contacts = recording.peaks, recording.contacts
-        self._approaches = recording.tables.approaches()
+        self._approaches, self._status = recording.tables.approaches(), recording.tables.contact_status()
         self._surfaces = recording.steps_with("surface")
         self._fine_steps, peaks = recording.steps_with("fine"), recording.fine_peaks
         self._fine_peaks = peaks[np.isin(peaks["step"], self._fine_steps)]
@@ -173,16 +180,24 @@ class ReplayContent:
         fields = ("depth_mm", "depth_sigma_mm", "x_mm", "y_mm", "x_sigma_mm", "y_sigma_mm")
         if index < 0:
             unknown = dict.fromkeys(f"peak_{name}" for name in (*names, "where", "time_s"))
-            return {**unknown, "contacts": [], "force_normal_n": None, "force_normal_sigma_n": None}
+            return {
+                **unknown,
+                **status_values(None),
+                "contacts": [],
+                "force_normal_n": None,
+                "force_normal_sigma_n": None,
+            }
         row = self._peaks[index]
         found = {f"peak_{name}": number(float(row[field])) for name, field in zip(names, fields, strict=True)}
         touching = self._contacts[self._contacts["step"] == row["step"]]
+        rubbing = self._status[self._status["step"] == row["step"]]
         return {
             **found,
             "peak_where": str(row["where"]),
             "peak_time_s": float(row["time_s"]),
             "force_normal_n": number(float(row["total_force_n"])),
             "force_normal_sigma_n": number(float(row["sigma_total_force_n"])),
+            **status_values(ContactStatus.of_row(rubbing[0]) if len(rubbing) else None),
             "contacts": [
                 {name: number(float(one[name])) if name != "id" else int(one[name]) for name in _CONTACT}
                 for one in touching

@@ -25,15 +25,18 @@ _NAMED = 2
 """Frames in a row that say so before stick or slip is named."""
 _TOGETHER_MM = 0.05
 """Difference of a way from the sum of its steps from which on it is not the same."""
+_BORDER_MM = 0.5
+"""How far the border's place may be off: it jitters, and what was lit has no carrier for a while."""
 _NO_MODULUS = "force: not read"
 
 
 class _Seen(NamedTuple):
-    """way_mm: (2,) since the frame before."""
+    """way_mm: (2,) since the frame before. place_mm: (2,) of the contact, by its border."""
 
     time_ns: int
     spots: Spots
     way_mm: Float
+    place_mm: Float
 
 
 class RubbingReader:
@@ -94,7 +97,8 @@ class RubbingReader:
                 status, pitch_mm=ridges.pitch_mm, sigma_pitch_mm=ridges.sigma_mm,
                 ridge_deg=ridges.angle_deg, sigma_ridge_deg=ridges.sigma_deg,
             )  # fmt: skip
-        status = self._moving(status, spots, time_ns, 1e-9 * exposure_ns, reasons)
+        new = _Seen(time_ns, spots, np.zeros(2), np.array([contact.x_mm, contact.y_mm]))
+        status = self._moving(status, new, 1e-9 * exposure_ns, reasons)
         life = self._life.mean_s()
         if isinstance(life, str):
             reasons.append(life)
@@ -103,30 +107,29 @@ class RubbingReader:
         return replace(status, reason="; ".join(reasons))
 
     def _moving(
-        self, status: ContactStatus, spots: Spots, time_ns: int, exposure_s: float, reasons: list[str]
+        self, status: ContactStatus, new: _Seen, exposure_s: float, reasons: list[str]
     ) -> ContactStatus:
         """With motion and speed."""
         last = self._seen[-1] if self._seen else None
         if last is None:
-            self._seen.append(_Seen(time_ns, spots, np.zeros(2)))
+            self._seen.append(new)
             reasons.append("speed: first frame")
             return status
-        step = moved(last.spots, spots)
+        step = moved(last.spots, new.spots)
         if step is None:
-            self._lose(_Seen(time_ns, spots, np.zeros(2)))
+            self._lose(new)
             reasons.append("speed: the texture is not known again")
             return status
         way = np.array([step.dx_mm, step.dy_mm])
-        self._seen.append(_Seen(time_ns, spots, way))
-        seconds = 1e-9 * (time_ns - last.time_ns)
-        self._life.add(last.spots, spots, way, seconds)
+        self._seen.append(new._replace(way_mm=way))
+        seconds = 1e-9 * (new.time_ns - last.time_ns)
+        self._life.add(last.spots, new.spots, way, seconds)
         far = float(np.hypot(*way))
         says = Motion.SLIP if far > _MOVES * step.sigma_mm else Motion.STICK
         event = self._named(says)
         half = 0.5 * (status.pitch_mm if np.isfinite(status.pitch_mm) else np.inf)
         gap = half if np.isfinite(half) else 5.0 / np.sqrt(status.spots_per_cm2)
-        foreseen = self._step is not None and float(np.hypot(*(way - self._step))) < 0.5 * half
-        clear = step.clear or foreseen
+        clear = step.clear or (np.isfinite(half) and (self._foreseen(way, half) or self._with_border(half)))
         self._step = way if clear else None
         blurred = far / seconds * exposure_s > gap
         aliased = far > half or blurred or not clear
@@ -136,12 +139,23 @@ class RubbingReader:
         size = float(np.hypot(*speed))
         status = replace(
             status, speed_mm_s=size, sigma_speed_mm_s=sigma, motion=self._motion, event=event,
-            aliased=aliased, began_s=1e-9 * (time_ns - self._since_ns),
+            aliased=aliased, began_s=1e-9 * (new.time_ns - self._since_ns),
         )  # fmt: skip
         if size < 3 * sigma:
             return status
         direction = float(np.degrees(np.arctan2(speed[1], speed[0])))
         return replace(status, direction_deg=direction, sigma_direction_deg=float(np.degrees(sigma / size)))
+
+    def _foreseen(self, way: Float, half_mm: float) -> bool:
+        """Whether it goes on as in the step before, where that was clear."""
+        return self._step is not None and float(np.hypot(*(way - self._step))) < 0.5 * half_mm
+
+    def _with_border(self, half_mm: float) -> bool:
+        """Whether the contact's border went as far: if each step were a pitch off, they would part."""
+        steps = len(self._seen) - 1
+        way = np.sum([one.way_mm for one in self._seen][1:], axis=0)
+        apart = float(np.hypot(*(self._seen[-1].place_mm - self._seen[0].place_mm - way)))
+        return apart < half_mm * steps and half_mm * steps > _BORDER_MM
 
     def _speed(self, sigma_mm: float) -> tuple[Float, float]:
         """((2,) mm/s, sigma) since it moves as it does, over some frames."""

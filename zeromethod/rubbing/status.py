@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import enum
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import Any
 
 NAN = float("nan")
 
@@ -57,6 +58,13 @@ class ContactStatus:
     event: str = ""
     aliased: bool = False
     reason: str = ""
+
+    @classmethod
+    def of_row(cls, row: Any) -> ContactStatus:
+        """From a row of a recording's table."""
+        values = {one.name: row[one.name].item() for one in fields(cls)}
+        text = {name: one.decode() for name, one in values.items() if isinstance(one, bytes)}
+        return cls(**{**values, **text, "motion": Motion(text["motion"])})
 
     @property
     def words(self) -> str:

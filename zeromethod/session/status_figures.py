@@ -8,20 +8,18 @@ from typing import Any
 
 import numpy as np
 
-from zeromethod.loop.step import StepFigures
-from zeromethod.rubbing import Motion
+from zeromethod.rubbing import ContactStatus, Motion
 
 _OF_SLIP = ("speed_mm_s", "sigma_speed_mm_s", "direction_deg", "sigma_direction_deg")
 _NOT_MEASURED = ("contact_id", "began_s")
 
 
-def status_figures(records: Sequence[StepFigures]) -> dict[str, Any] | None:
-    """Medians over frames with a status; of speed and direction over those that slip and are not aliased.
+def status_figures(found: Sequence[tuple[float, ContactStatus]]) -> dict[str, Any] | None:
+    """Medians over frames (time_s, status); of speed and direction over those that slip and are not aliased.
 
     A figure that was never known is None; `reason` says why the last frame lacked what it lacked. events:
     (time_s, "stick" or "slip"). aliased: share of the frames that slip. None where no texture touched.
     """
-    found = [(one.time_s, one.contact_status) for one in records if one.contact_status is not None]
     if not found:
         return None
     known = [status for _, status in found]

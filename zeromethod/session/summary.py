@@ -198,7 +198,9 @@ def summarise(result: RunResult) -> Figures:
         "fine": _fine(result),
         "contacts": contact_rows(records),
         "approaches": approach_rows(records),
-        "contact_status": status_figures(records),
+        "contact_status": status_figures(
+            [(one.time_s, one.contact_status) for one in records if one.contact_status is not None]
+        ),
         "force": force_figures(records, result.rig),
         "loop_ms": _percentiles(record.loop_ms for record in records),
         "draw_ms": _percentiles(record.draw_ms for record in records),

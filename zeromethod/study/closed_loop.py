@@ -41,6 +41,18 @@ _TRUTH = {
     "slope_rms_error_mrad": "rms error of slope over nodes and frames, mrad",
 }
 
+_STATUS = {
+    "share": "share of the area in contact",
+    "spots_per_cm2": "spots in contact, 1/cm2",
+    "spot_mm2": "mean size of a spot, mm2",
+    "spot_life_s": "mean time that a spot stays in contact, s",
+    "speed_mm_s": "sliding, frames that slip and are not aliased, mm/s",
+    "direction_deg": "direction of sliding, deg",
+    "pitch_mm": "pitch of the texture, mm",
+    "ridge_deg": "the way across its rows, deg",
+    "force_n": "force, N",
+}
+
 FIGURES = {
     "state": "state of the loop at the end",
     "nulled_frames": "frames of the hold (of the run, without a hold) that were nulled",
@@ -57,6 +69,8 @@ FIGURES = {
     "largest_stable_gain": "gain at which a linear model of the loop is at its limit at that delay",
     **{f"truth.{key}": f"{words}, in the hold" for key, words in _TRUTH.items()},
     **{f"truth_slide.{key}": f"{words}, while the press slides" for key, words in _TRUTH.items()},
+    **{f"contact_status.{key}": f"rubbing: {words}, median" for key, words in _STATUS.items()},
+    "contact_status.aliased": "rubbing: share of the frames that slip that are aliased",
     "untouched.depth_rms_nm": "depth noise at rest, single frames, rms over nodes, nm",
     "untouched.depth_filtered_rms_nm": "depth noise at rest after the controller's filter, nm",
 }

@@ -10,6 +10,8 @@ from zeromethod.arrays import Float, Image, Mask
 from zeromethod.loop.state import GOOD, READ, State
 from zeromethod.recording.recording import Recording
 from zeromethod.recording.schema import STATES
+from zeromethod.rubbing import ContactStatus
+from zeromethod.session.status_figures import status_figures
 from zeromethod.view.report_history import WITHOUT_READING, episodes, shares
 
 Figures = dict[str, Any]
@@ -54,6 +56,7 @@ def summarise_recording(recording: Recording) -> Figures:
             for by in set(drops["lost_by"])
         },
         "contacts": contact_figures(recording),
+        "contact_status": status_figures(_status(recording)),
         "fine": fine_figures(recording),
         "notes": [recording.text(text) for text in recording.notes["text"]],
     }
@@ -72,6 +75,13 @@ def contact_figures(recording: Recording) -> list[Figures]:
         medians = {name: float(np.median(own[name])) for name in names}
         found.append({"id": int(number), "from_s": float(times_s[0]), "to_s": float(times_s[-1]), **medians})
     return found
+
+
+def _status(recording: Recording) -> list[tuple[float, ContactStatus]]:
+    """How a texture rubbed, (time s, status) frame by frame."""
+    rows, steps = recording.tables.contact_status(), recording.steps
+    start_ns = steps["time_ns"][0] if len(steps) else 0
+    return [(1e-9 * float(row["time_ns"] - start_ns), ContactStatus.of_row(row)) for row in rows]
 
 
 def fine_figures(recording: Recording) -> Figures | None:

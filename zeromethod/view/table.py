@@ -149,7 +149,8 @@ _STATUS = (
 )
 
 
-def _status_rows(status: Figures | None) -> list[tuple[str, str]]:
+def status_rows(status: Figures | None) -> list[tuple[str, str]]:
+    """How a texture rubbed, as rows of a table."""
     if status is None:
         return []
     rows = [
@@ -180,7 +181,7 @@ def summary_table(figures: Figures) -> Table:
     rows += _contact_rows("contact", figures.get("contacts"))
     if figures.get("contacts") and figures["force"]["reason"]:
         rows.append(("force", f"not read: {figures['force']['reason']}"))
-    rows += _status_rows(figures.get("contact_status"))
+    rows += status_rows(figures.get("contact_status"))
     rows += _contact_rows("true contact", _look_up(figures, "truth.contacts"))
     if not figures["calibrated"]:
         rows.append(("not calibrated", "depth is relative: zeromethod calibrate"))

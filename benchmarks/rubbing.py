@@ -1,0 +1,236 @@
+"""Rubbing: pitch, speed, share in contact, stick and slip against the planted ones; ten fabrics told apart.
+
+Textures on the packaged bench, exposed for 1 ms, read through the loop as `zeromethod run --rubbing` does;
+the camera's pixels are the packaged ones, as many of them as the patch needs. "cases": brushes and woven
+cloth of 0.3 to 3 mm pitch, pile and sandpaper are pressed, held, and slide at 5 to 50 mm/s. Where a frame
+goes over half a pitch most frames that slip must be called aliased, and elsewhere few; elsewhere speed, and
+everywhere pitch, medians of the frames, are compared. The share in contact is compared, frame by frame,
+with the true one of the area that was looked at.
+
+"fabrics": woven cloth of ten kinds in a row, each unlike the one before by 14 % in its pitch or 15 % in the
+round of its tips. Five seeds of each are learned: the mean of the printed statistics, each divided by its
+scatter among seeds. Other seeds are then given to the nearest mean.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+from benchmarks.parts import Parts, part_options
+from benchmarks.report import Figure, Report, benchmark, start
+from zeromethod.arrays import Float
+from zeromethod.rig.load import load_rig
+from zeromethod.rubbing import ContactStatus, Motion
+from zeromethod.session.session import Session
+from zeromethod.simulation.contact.touch import Touch
+from zeromethod.simulation.scenario import scenario_of
+
+CASES = (
+    ("woven", 0.3, 0.3, 5.0), ("woven", 0.3, 0.3, 8.0), ("woven", 0.3, 0.3, 20.0), ("woven", 0.3, 0.3, 50.0),
+    ("woven", 0.5, 0.6, 12.0), ("woven", 0.5, 0.6, 20.0), ("woven", 0.9, 0.9, 5.0), ("woven", 0.9, 0.9, 20.0),
+    ("brush", 0.7, 0.8, 15.0), ("brush", 1.5, 1.2, 40.0), ("brush", 1.5, 1.2, 50.0),
+    ("brush", 3.0, 2.5, 10.0), ("brush", 3.0, 2.5, 50.0),
+    ("pile", 0.5, 1.0, 5.0), ("pile", 0.5, 1.0, 50.0),
+    ("sandpaper", 0.4, 0.5, 20.0), ("sandpaper", 0.4, 0.5, 50.0),
+)  # fmt: skip
+"""Weave, pitch and round of the tips, mm, mm/s."""
+QUICK = (0, 2, 9, 15)
+FABRICS = (
+    (0.50, 0.80), (0.57, 0.80), (0.57, 0.92), (0.65, 0.92), (0.65, 1.05),
+    (0.74, 1.05), (0.74, 1.20), (0.84, 1.20), (0.84, 1.38), (0.95, 1.38),
+)  # fmt: skip
+"""Pitch and round of the tips of woven cloth, mm."""
+LEARNED, UNSEEN, QUICK_UNSEEN = 5, 100, 1
+STATISTICS = ("share", "spots_per_cm2", "spot_mm2", "pitch_mm")
+HEIGHT_MM, PRESSURE_MPA = 0.001, 0.018
+TOUCH_S, HELD_S, SLIP_S, STICK_S, END_S = 0.26, 0.3, 0.44, 0.6, 0.7
+NAMED_FRAMES, SHARE, PERCENT, TOLD = 3, 0.02, 2.0, 0.99
+
+
+def rubbed(
+    folder: Path, weave: str, pitch_mm: float, tip_mm: float, speed_mm_s: float, seed: int
+) -> tuple[list[Any], Any]:
+    """(time s, status, true share of what was looked at or None) of frames with a status, and the rig."""
+    large = pitch_mm > 2
+    radius = 7.0 if large else 3.0
+    x_mm = 42.0 - 0.5 * speed_mm_s * (STICK_S - SLIP_S)
+    force = PRESSURE_MPA * np.pi * radius**2
+    path = [(TOUCH_S, x_mm, 0.0), (HELD_S, x_mm, force), (SLIP_S, x_mm, force)]
+    path.append((STICK_S, x_mm + speed_mm_s * (STICK_S - SLIP_S), force))
+    points = ", ".join(f"{{time_s = {t}, x_mm = {x}, y_mm = 0.0, force_n = {f}}}" for t, x, f in path)
+    press = folder / "press.toml"
+    press.write_text(
+        f'[[object]]\nshape = "texture"\nweave = "{weave}"\nradius_mm = {radius}\npitch_mm = {pitch_mm}\n'
+        f'tip_mm = {tip_mm}\nheight_mm = {HEIGHT_MM}\nseed = {seed}\nalbedo = "grey"\npath = [{points}]\n'
+    )
+    rig = load_rig("simulated").replace(
+        {"camera.exposure_s": 0.001, "control.rubbing": True, "simulation.seed": seed}, scenario=str(press)
+    )
+    if not large:
+        columns, rows = (352, 320) if speed_mm_s == 0 else (480, 352)
+        middle = [(columns - 1) / 2, (rows - 1) / 2]
+        view = {"camera.columns": columns, "camera.rows": rows, "camera.centre_px": middle}
+        rig = rig.replace(view)
+    found = []
+    scenario = scenario_of(rig)
+    with Session(rig) as session:
+        for step in session.run(seconds=END_S if speed_mm_s else SLIP_S):
+            if step.contact_status is not None:
+                touches = scenario.mirror_at(step.time_ns).touches
+                found.append((step.time_s, step.contact_status, _true_share(session, touches)))
+    return found, rig
+
+
+def _true_share(session: Session, touches: Sequence[Touch]) -> float | None:
+    reader = session._rubbing
+    spots = None if reader is None else reader.spots
+    if spots is None or not touches:
+        return None
+    row, col = np.nonzero(spots.looked)
+    x: Float = spots.x_mm + spots.pitch_mm * col.astype(np.float64)
+    y: Float = spots.y_mm + spots.pitch_mm * row.astype(np.float64)
+    return float(np.mean(touches[0].covers(x, y)))
+
+
+def rub_case(folder: Path, number: int) -> dict[str, Any]:
+    """One case: what was read, beside what is true."""
+    weave, pitch, tip, speed = CASES[number]
+    found, rig = rubbed(folder, weave, pitch, tip, speed, number)
+    slips = [one for at, one, _ in found if SLIP_S + 0.04 < at < STICK_S and one.motion is Motion.SLIP]
+    shares = [(one.share, true, one.sigma_share) for _, one, true in found if true is not None]
+    known = np.array([each for each in shares if np.isfinite(each[0])])
+    named = [(at, one.event) for at, one, _ in found if one.event]
+    frames = [_frames_after(named, "slip", SLIP_S, rig.camera.rate_hz)]
+    frames.append(_frames_after(named, "stick", STICK_S, rig.camera.rate_hz))
+    return {
+        "pitch_mm": _median(found, "pitch_mm"),
+        "speed_mm_s": float(np.median([one.speed_mm_s for one in slips])) if slips else None,
+        "aliased": float(np.mean([one.aliased for one in slips])) if slips else None,
+        "share_off": float(np.abs(known[:, 0] - known[:, 1]).max()) if known.size else None,
+        "share_sigmas": float(np.median(np.abs(known[:, 0] - known[:, 1]) / known[:, 2]))
+        if known.size
+        else None,
+        "named": frames,
+        "events": len(named),
+    }
+
+
+def _frames_after(
+    named: Sequence[tuple[float, str]], what: str, began_s: float, rate_hz: float
+) -> int | None:
+    """Frames from that which began after it until it is named, both counted; None where it never is."""
+    times = [at for at, event in named if event == what and at > began_s]
+    return int(np.floor((times[0] - began_s) * rate_hz)) + 1 if times else None
+
+
+def _median(found: Sequence[tuple[float, ContactStatus, float | None]], name: str) -> float | None:
+    values = [getattr(one, name) for _, one, _ in found if np.isfinite(getattr(one, name))]
+    return float(np.median(values)) if values else None
+
+
+def fabric(folder: Path, number: int) -> dict[str, Any]:
+    """Printed statistics of a fabric's seed: medians over the frames of a hold."""
+    seed, kind = divmod(number, len(FABRICS))
+    found, _ = rubbed(folder, "woven", *FABRICS[kind], 0.0, 1000 + seed)
+    return {"kind": kind, **{name: _median(found, name) for name in STATISTICS}}
+
+
+def told_apart(found: Sequence[dict[str, Any]]) -> tuple[int, int, list[str]]:
+    """(unseen seeds given to their own kind, unseen seeds, which were not)."""
+    values = np.array([[np.nan if one[name] is None else one[name] for name in STATISTICS] for one in found])
+    kinds = np.array([one["kind"] for one in found])
+    first = len(FABRICS) * LEARNED
+    learned, of = values[:first], kinds[:first]
+    means = np.stack([np.nanmean(learned[of == kind], axis=0) for kind in range(len(FABRICS))])
+    scatter = np.sqrt(np.nanmean((learned - means[of]) ** 2, axis=0))
+    away: Float = np.linalg.norm((values[first:, None] - means) / scatter, axis=-1)
+    nearest = np.argmin(np.where(np.isfinite(away), away, np.inf), axis=1)
+    right = nearest == kinds[first:]
+    wrong = [f"{k} as {n}" for k, n, ok in zip(kinds[first:], nearest, right, strict=True) if not ok]
+    return int(np.count_nonzero(right)), len(right), wrong
+
+
+def _fabric_report(found: Sequence[dict[str, Any]]) -> Report:
+    if len(found) <= len(FABRICS) * LEARNED:
+        return Report(
+            "Rubbing: fabrics", [Figure("fabrics learned", f"{len(found)} runs")], [], {"found": found}
+        )
+    right, count, wrong = told_apart(found)
+    figure = Figure(
+        "unseen seeds told apart", f"{right} of {count}", f"{100 * TOLD:g} %", right >= TOLD * count
+    )
+    return Report("Rubbing: fabrics", [figure], [("wrong", *wrong)] if wrong else [], {"found": found})
+
+
+def _percent_off(value: float | None, true: float) -> float:
+    """Infinite where nothing was found."""
+    return float("inf") if value is None else 100 * (value / true - 1)
+
+
+def _case_report(found: Sequence[dict[str, Any]], numbers: Sequence[int]) -> Report:
+    details: list[Sequence[str]] = [
+        ("texture", "pitch", "speed", "aliased", "share off", "named after", "events")
+    ]
+    pitches: list[float] = []
+    speeds: list[float] = []
+    shares: list[float] = []
+    named: list[float] = []
+    wrong_alias = 0
+    for one, number in zip(found, numbers, strict=False):
+        weave, pitch, _, speed = CASES[number]
+        regular = weave in ("woven", "brush")
+        aliased = regular and speed / 60 > 0.5 * pitch
+        of_pitch, of_speed = _percent_off(one["pitch_mm"], pitch), _percent_off(one["speed_mm_s"], speed)
+        pitches += [abs(of_pitch)] if regular else []
+        speeds += [] if aliased else [abs(of_speed)]
+        wrong_alias += one["aliased"] is None or round(one["aliased"]) != aliased
+        shares.append(np.inf if one["share_off"] is None else one["share_off"])
+        named += [np.inf if frames is None else frames for frames in one["named"]]
+        called = "-" if one["aliased"] is None else f"{one['aliased']:.2f}"
+        ends = f"{one['named'][0]}, {one['named'][1]}"
+        words = f"{of_pitch:+.2f} %" if regular else "-", f"{of_speed:+.2f} %", f"{called} ({aliased:d})"
+        texture = f"{weave} {pitch:g} mm, {speed:g} mm/s"
+        details.append((texture, *words, f"{shares[-1]:.3f}", ends, f"{one['events']}"))
+    worst = [max(each, default=np.inf) for each in (pitches, speeds, shares, named)]
+    figures = [
+        Figure("pitch, worst", f"{worst[0]:.2f} %", f"{PERCENT:g} %", worst[0] <= PERCENT),
+        Figure("speed where not aliased, worst", f"{worst[1]:.2f} %", f"{PERCENT:g} %", worst[1] <= PERCENT),
+        Figure("aliased or not, wrongly named", f"{wrong_alias} of {len(found)}", "0", wrong_alias == 0),
+        Figure("share in contact, worst frame", f"{worst[2]:.3f}", f"{SHARE:g}", worst[2] <= SHARE),
+        Figure(
+            "frames until stick or slip is named",
+            f"{worst[3]:g}",
+            f"{NAMED_FRAMES}",
+            worst[3] <= NAMED_FRAMES,
+        ),
+    ]
+    return Report("Rubbing", figures, details, {"found": list(found)})
+
+
+@benchmark(
+    "rubbing",
+    __doc__,
+    part_options,
+    click.option(
+        "--part", type=click.Choice(["cases", "fabrics"]), default="cases", show_default=True, help="Which."
+    ),
+)
+def command(*, quick: bool, keep: Path | None, most_runs: int | None, part: str) -> Report:
+    """Run one part."""
+    parts = Parts(keep, most_runs, part=part, quick=quick)
+    with parts.folder() as folder:
+        if part == "cases":
+            numbers = QUICK if quick else tuple(range(len(CASES)))
+            found = parts.run(len(numbers), "textures", lambda k: rub_case(folder, numbers[k]))
+            return _case_report(found, numbers)
+        runs = len(FABRICS) * (LEARNED + (QUICK_UNSEEN if quick else UNSEEN))
+        return _fabric_report(parts.run(runs, "seeds", lambda k: fabric(folder, k)))
+
+
+if __name__ == "__main__":
+    start(command)

@@ -1,0 +1,136 @@
+"""A plate, a ball or a rod whose outlines both views show, fitted to the light of the pixels along them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from zeromethod.arrays import Float, Mask
+
+BLURS = (2.5, 2.0, 1.5, *(1.0,) * 16)
+"""Width of an outline in pixels, pass by pass: a wide one is found from farther away."""
+BAND_PX = 3.0
+"""How far on both sides of the outline, as it is first assumed, pixels count."""
+MOST_PIXELS = 500
+DONE = 0.003
+"""Share by which a pass must still lessen what is left."""
+STEP_MM, WEAK_MM = 3.0, 30.0
+"""Most that a pass changes; standard deviation of what the pixels do not say."""
+SHADES = 0.15
+"""Standard deviation of how much lighter the middle of a round thing is than its rim, over the background."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pixels:
+    """Pixels of both views: rays, area on the plane at z (`Exits.areas`), light; right: of the right view."""
+
+    foot: Float
+    tangent: Float
+    areas: Float
+    seen_grey: Float
+    behind_grey: Float
+    right: Mask
+    noise_grey: float
+
+    def near(self, start: Float) -> Pixels:
+        """Those near the outline of a body."""
+        off = np.abs(_outside(self, start, round_=False)[0] - start[5])
+        kept = np.flatnonzero(off < BAND_PX * self.pitch_mm(start[2], round_=False))
+        kept = kept[:: kept.size // MOST_PIXELS + 1]
+        return Pixels(
+            self.foot[kept], self.tangent[kept], self.areas[kept], self.seen_grey[kept],
+            self.behind_grey[kept], self.right[kept], self.noise_grey,
+        )  # fmt: skip
+
+    def pitch_mm(self, z: float, *, round_: bool) -> Float:
+        """(n,) width of a pixel at the height z: on the plane, or across the ray for a round body."""
+        area = np.abs(self.areas @ [1.0, z, z * z])
+        if round_:
+            area = area / np.sqrt(1.0 + np.einsum("ij,ij->i", self.tangent, self.tangent))
+        return np.asarray(np.sqrt(area))
+
+
+@dataclass(frozen=True, slots=True)
+class Body:
+    """A fitted body. place: (3,) mm, its lowest place; reach_mm: half its length. sigma_...: of the noise.
+
+    misfit: mean square of what the light differs from it, over the noise's. rough: its root less the noise,
+    over the contrast. pixels: how many counted.
+    """
+
+    place: Float
+    sigma_mm: Float
+    radius_mm: float
+    sigma_radius_mm: float
+    reach_mm: float
+    misfit: float
+    rough: float
+    pixels: int
+
+
+def fitted(pixels: Pixels, start: Float, *, round_: bool, long: bool) -> Body | None:
+    """The body by least squares; start: x, y, z of its middle, half its axis along x, y, radius, mm."""
+    body, free = start.copy(), [0, 1, 2, 3, 4, 5] if long else [0, 1, 2, 5]
+    pixels = pixels.near(start)
+    if pixels.seen_grey.size < 2 * len(free):
+        return None
+    before = np.inf
+    for blur in BLURS:
+        dist, turns = _outside(pixels, body, round_=round_)
+        width = blur * pixels.pitch_mm(body[2], round_=round_)
+        cover = np.clip(0.5 - (dist - body[5]) / width, 0.0, 1.0)
+        facing = np.sqrt(np.clip(1.0 - (dist / body[5]) ** 2, 0.0, 1.0))
+        shades = np.stack([~pixels.right, pixels.right, facing], axis=1)
+        prior = np.array([[0.0, 0.0, pixels.noise_grey / (SHADES * float(pixels.behind_grey.mean()))]])
+        light = cover[:, None] * shades
+        target = pixels.seen_grey + cover * pixels.behind_grey
+        own = np.linalg.lstsq(np.vstack([light, prior]), np.append(target, 0.0), rcond=None)[0]
+        left = target - light @ own
+        contrast = shades @ own - pixels.behind_grey
+        by_dist = np.where((cover > 0) & (cover < 1), contrast / width, 0.0)
+        slopes = by_dist[:, None] * np.column_stack([-turns, np.ones_like(dist)])[:, free]
+        design = np.vstack([np.hstack([slopes, light]), np.hstack([np.zeros((1, len(free))), prior])])
+        normal = design.T @ design / pixels.noise_grey**2
+        normal[np.diag_indices(len(free))] += WEAK_MM**-2
+        normal[np.diag_indices(len(normal))] += 1e-9
+        step = np.linalg.solve(normal, design.T @ np.append(left, 0.0) / pixels.noise_grey**2)[: len(free)]
+        body[free] += np.clip(step, -STEP_MM, STEP_MM)
+        body[5] = max(body[5], 0.3)
+        mean = float(np.mean(left**2))
+        if blur == BLURS[-1] and abs(before - mean) < DONE * mean:
+            break
+        before = mean
+    spread = np.zeros((6, 6))
+    spread[np.ix_(free, free)] = np.linalg.inv(normal)[: len(free), : len(free)]
+    lowest = np.eye(3, 6)
+    lowest[2, 5] = -1.0 if round_ else 0.0
+    rough = np.sqrt(max(mean - pixels.noise_grey**2, 0.0)) / float(np.sqrt(np.mean(contrast**2)))
+    return Body(
+        lowest @ body, np.sqrt(np.diag(lowest @ spread @ lowest.T)), float(body[5]),
+        float(np.sqrt(spread[5, 5])), float(np.hypot(*body[3:5])) + float(body[5]),
+        mean / pixels.noise_grey**2, float(rough), dist.size,
+    )  # fmt: skip
+
+
+def _outside(pixels: Pixels, body: Float, *, round_: bool) -> tuple[Float, Float]:
+    """(n,) mm from a body's middle line to the rays; its change with x, y, z and half axis, (n, 5)."""
+    middle, half = body[:3], np.array([body[3], body[4], 0.0])
+    length = float(half @ half)
+    if round_:
+        ray = np.column_stack([pixels.tangent, np.ones(len(pixels.tangent))])
+        ray = ray / np.linalg.norm(ray, axis=1, keepdims=True)
+        to = np.column_stack([middle[:2] - pixels.foot, np.full(len(ray), middle[2])])
+    else:
+        ray = np.zeros((len(pixels.tangent), 3))
+        to = np.column_stack([middle[:2] - pixels.foot - middle[2] * pixels.tangent, np.zeros(len(ray))])
+    along, mixed = np.einsum("ij,ij->i", to, ray), ray @ half
+    # the place on the middle line nearest to the ray, kept on the body
+    at = np.clip((mixed * along - to @ half) / np.maximum(length - mixed**2, 1e-9), -1.0, 1.0)
+    away = to + at[:, None] * half
+    away = away - np.einsum("ij,ij->i", away, ray)[:, None] * ray
+    dist = np.maximum(np.linalg.norm(away, axis=1), 1e-9)
+    away = away / dist[:, None]
+    if not round_:
+        away[:, 2] = -np.einsum("ij,ij->i", away[:, :2], pixels.tangent)
+    return dist, np.column_stack([away, at[:, None] * away[:, :2]])
