@@ -46,7 +46,7 @@ from zeromethod.commissioning.calibration import evaluate
 from zeromethod.devices.opening import open_devices
 from zeromethod.devices.protocols import TrueMirror
 from zeromethod.errors import InputError
-from zeromethod.loop.frame_outcome import BURST_AHEAD, BURST_WORDS
+from zeromethod.loop.frame_outcome import BURST_AHEAD, BURST_WORDS, LAMP_AHEAD, LAMP_WORDS
 from zeromethod.loop.state import NULLED, State
 from zeromethod.loop.step import Step
 from zeromethod.optics import DepthField, check_geometry
@@ -64,6 +64,7 @@ PRESS_AT, FAULT_AT, LAST, READ_BY = 12, 24, 48, 160
 """Frames at which the press and the fault come, the last one, and the last where coded pictures read on."""
 
 EARLY = frozenset({State.NULLING, State.RESTING})
+WAITS = frozenset({BURST_AHEAD, BURST_WORDS, LAMP_AHEAD, LAMP_WORDS})
 SETTLED = 6
 """Frames after the press from which peaks are counted: the null has caught up."""
 
@@ -218,7 +219,7 @@ def judged(case: Case) -> Outcome:
                 frame, peak = step.frame_number, step.peak
                 if step.number > LAST and not waits:
                     break
-                waits = step.reason in {BURST_AHEAD, BURST_WORDS} or (waits and step.state is State.NULLING)
+                waits = step.reason in WAITS or (waits and step.state is State.NULLING)
                 if frame is None or peak is None or step.surface is None:
                     continue
                 good, named = step.state in NULLED, step.state in {State.MOVED, State.UNCALIBRATED}

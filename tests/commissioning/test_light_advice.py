@@ -31,6 +31,14 @@ def test_lamps_on_the_mains_are_named_and_whole_periods_advised():
     assert said.endswith("expose for whole periods (10, 20 ms ...)")
 
 
+def test_weak_lamps_on_the_mains_are_known_and_no_reason_for_another_exposure():
+    # 1.5 % of the light, of whose swing 8 ms leave a quarter: below 1 % from frame to frame
+    sight = look(planted(light={"mains": 0.1, "brightness": 0.7}), seconds=0.3)
+    assert sight.mains_hz == 100.0
+    assert 0.001 < sight.flicker_share < 0.01
+    assert not any("flicker" in line for line in sight.lines)
+
+
 def test_light_of_the_room_is_measured_with_the_lcd_black():
     # a room adds 0.098 of the white LCD per unit; at the view's borders the way back misses the mirror
     sight = look(planted(light={"room": 1.5}))

@@ -84,3 +84,13 @@ def test_nodes_that_fail_by_turns_are_new_only_once(rest):
     bench.nodes.forget()
     bench.look(np.array([0]))
     assert bench.nodes.grows
+
+
+def test_behind_a_lamps_image_nodes_gain_more_light_than_the_others_and_in_a_brighter_room_they_do_not(rest):
+    bench = Bench(rest)
+    patch = np.zeros(rest.flags.shape, np.bool_)
+    patch[bench.rows, bench.cols] = True
+    for room, lamp, named in ((0.0, 0.1, True), (0.3, 0.1, True), (0.3, 0.0, False), (0.0, -0.1, False)):
+        mean = 1 + room + lamp * patch
+        seen = SimpleNamespace(mean=mean.astype(np.float32), valid=~patch)
+        assert bench.nodes.brighter(seen, patch) is named

@@ -12,13 +12,17 @@ from zeromethod.loop.call import Call
 from zeromethod.loop.state import NULLED
 from zeromethod.operating.auto_exposure import EVERY_S, MOST_LONGER, SOURCE, WITHIN, AutoExposure
 from zeromethod.operating.run_controls import RunControls
+from zeromethod.session.summary import summarise
 
 
 @contextmanager
 def followed(
-    folder, seconds, scenario="none", *, settable=True, **light
+    folder, seconds, scenario="none", *, settable=True, said=None, **light
 ) -> Iterator[tuple[Iterator[Step], list[Call]]]:
-    """Steps of a run with its exposure left to follow the light, and the calls of its methods."""
+    """Steps of a run with its exposure left to follow the light, and the calls of its methods.
+
+    said: gets what the run's summary says of it.
+    """
     rig = small_rig(scenario).replace({f"light.{key}": value for key, value in light.items()})
     with open_devices(rig) as devices, Session(rig, devices=devices) as session:
         calls: list[Call] = []
@@ -34,11 +38,17 @@ def followed(
                 yield step
 
         yield steps(), calls
+        session.result.exposure = exposure.figures
+        if said is not None:
+            said.append(summarise(session.result)["auto_exposure"])
 
 
 def test_a_dim_lcd_is_exposed_longer_step_by_step_until_a_frame_has_no_more(tmp_path):
-    with followed(tmp_path, 2.5, brightness=0.4) as (steps, calls):
+    said = []
+    with followed(tmp_path, 2.5, said=said, brightness=0.4) as (steps, calls):
         lengths = [step.exposure_ns for step in steps if step.exposure_ns]
+    wanted = {"exposure_ms": lengths[-1] / 1e6, "changes": len(calls)}
+    assert said == [wanted | {"reason": "more light is wanted than a whole frame brings"}]
     assert lengths[0] == 8_000_000
     assert 1e9 / 60 / WITHIN < lengths[-1] <= 1e9 / 60 * (1 + 1e-6)
     changes = [(a, b) for a, b in pairwise(lengths) if a != b]

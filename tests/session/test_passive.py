@@ -15,7 +15,7 @@ from zeromethod.devices.protocols import Frame
 from zeromethod.drivers.blank import BlankDisplay
 from zeromethod.loop.loop import Loop
 from zeromethod.loop.state import State
-from zeromethod.pattern.printed import printed_pattern
+from zeromethod.pattern.printed import MARGIN_MM, bar_mm, printed_pattern, printed_sheet
 from zeromethod.rig.model import Rig
 from zeromethod.session.replay.from_frames import replay_from_frames
 from zeromethod.session.replay.window import Window
@@ -106,3 +106,15 @@ def test_the_printed_pattern_is_the_picture_at_rest_at_its_true_size(passive, tm
     light = (image / 255.0) ** 2.2
     assert light.mean() == pytest.approx(0.5, abs=0.01)
     assert (light.min(), light.max()) == pytest.approx((0.05, 0.95), abs=0.02)
+
+
+def test_the_sheet_has_the_pattern_unchanged_and_a_bar_of_the_length_that_it_states():
+    pattern, pitch_mm = np.full((270, 480), 128, np.uint8), 0.252
+    sheet = printed_sheet(pattern, pitch_mm)
+    margin = round(MARGIN_MM / pitch_mm)
+    assert np.array_equal(sheet[margin : margin + 270, margin : margin + 480], pattern)
+    below = sheet[margin + 270 + round(2 / pitch_mm) :]  # below the frame
+    longest = max(len(run) for row in below for run in "".join(" #"[int(grey == 0)] for grey in row).split())
+    # 121 mm wide: half of it has room for 50 mm
+    assert longest * pitch_mm == pytest.approx(bar_mm(480, pitch_mm), abs=pitch_mm)
+    assert bar_mm(480, pitch_mm) == 50.0

@@ -30,7 +30,7 @@ from zeromethod.design.assess import stability_figures
 from zeromethod.design.delay_budget import ASSUMED_COMPUTING_S
 from zeromethod.design.resolution import ASSUMED_PUPIL_MM
 from zeromethod.optics import check_geometry
-from zeromethod.pattern.printed import printed_pattern
+from zeromethod.pattern.printed import bar_mm, printed_pattern, printed_sheet
 from zeromethod.rig.model import Rig
 from zeromethod.thread_limits import limit_threads
 from zeromethod.view.design_table import curves_table, design_table
@@ -111,9 +111,12 @@ def design_command(
 
 def _print_pattern(rig: Rig, path: Path) -> None:
     pitch_mm, image = rig.display.pitch_mm, printed_pattern(rig)
-    dots_per_inch = write_picture("--pattern", path, image, pitch_mm)
-    rows, cols = image.shape
-    click.echo(f"{path}: print it {cols * pitch_mm:.2f} x {rows * pitch_mm:.2f} mm, {dots_per_inch:.1f} dpi")
+    sheet = printed_sheet(image, pitch_mm)
+    dots_per_inch = write_picture("--pattern", path, sheet, pitch_mm)
+    rows, cols = sheet.shape
+    size = f"{cols * pitch_mm:.2f} x {rows * pitch_mm:.2f} mm, {dots_per_inch:.1f} dpi"
+    checked = f"measure the {bar_mm(image.shape[1], pitch_mm):g} mm bar, then cut along the frame"
+    click.echo(f"{path}: print it {size}; {checked}")
 
 
 def _report(

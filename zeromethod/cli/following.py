@@ -54,3 +54,5 @@ def follow(
                 live.say(*page.notes())
             live.update(step, count, readings.values)
         run.controls.close()
+    if exposure is not None:
+        session.result.exposure = exposure.figures

@@ -76,7 +76,8 @@ class Flicker:
 class Sight:
     """One frame and what it says. time_s: from the first one. place: of the picture, where it is known.
 
-    mains_hz: of lamps whose flicker is seen, NaN for none. advised_exposure_s: for the least sigma of depth.
+    mains_hz: of lamps whose flicker is seen, however weak, NaN for none. advised_exposure_s: for the least
+    sigma of depth.
     """
 
     time_s: float
@@ -160,13 +161,14 @@ class SettingUp:
         report = self._meter.look(frame.image, stray_grey)
         self._bright.append(light_share(report, rig, stray_grey))
         share = flicker.note(report.mean_grey, 1e-9 * frame.time_ns)
-        hz = flicker.mains_hz if share > FLICKER_SHARE else math.nan
+        seen_hz = flicker.mains_hz
+        hz = seen_hz if share > FLICKER_SHARE else math.nan  # weaker is no reason for another exposure
         exposure_s = 1e-9 * frame.exposure_ns
         wanted_s = advised_exposure_s(report, rig, exposure_s, max(self._bright), hz)
         said = advice(report, rig, seen, share, exposure_s=exposure_s, wanted_s=wanted_s, hz=hz)
         place = placed(report, seen, rig.target.period_px)
         advised_s = min(wanted_s, 1 / rig.camera.rate_hz)
-        return Sight(time_s, frame, report, seen, share, place, said, hz, advised_s)
+        return Sight(time_s, frame, report, seen, share, place, said, seen_hz, advised_s)
 
     def _look_for_lcd(self) -> Orientation | None:
         """Show plain pictures, then the target at rest; None without the LCD."""

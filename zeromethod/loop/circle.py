@@ -81,7 +81,7 @@ class FrameResult:
     nodes. valid_share, covered_share: those valid, and those without light, of the nodes visible at rest.
     order: whether it is known which period of the carrier is seen, is being found, or cannot be. coded: the
     frame may have seen coded pictures in places. unread: nodes that no burst has read wait for one, or one
-    is under way for them.
+    is under way for them. lamp: they have more light than at rest.
     """
 
     changed: bool = False
@@ -95,6 +95,7 @@ class FrameResult:
     order: Order = Order.KNOWN
     coded: bool = False
     unread: bool = False
+    lamp: bool = False
 
     @property
     def believed(self) -> Warp | None:
@@ -243,7 +244,7 @@ class Circle:
         self._unlearned = observation.shown.q, self.rest.q, residual, valid, rms_px
         seen = residual, measured, rms_px, share, covered
         burst = self.burst
-        coded = (False, False) if burst is None else (burst.blinding, burst.unread)
+        coded = (False,) * 3 if burst is None else (burst.blinding, burst.unread, burst.lamp)
         return FrameResult(changed, refusal, observation, *seen, order, *coded)
 
     def expect_touch(self, expected: bool) -> None:

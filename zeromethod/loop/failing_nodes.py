@@ -37,6 +37,9 @@ EDGE_NODES = 2
 LIT_SHARE = 0.3
 """Mean light over that at rest from which a node sees the LCD at all."""
 
+BRIGHTER = 1.02
+"""Light over that at rest, over the same of other nodes, behind a lamp: folds have no more than others."""
+
 REACH_NODES = 3
 """Nodes around that join failing ones to a patch."""
 
@@ -112,6 +115,13 @@ class FailingNodes:
         self.grows = bool(new > GROWS_SHARE * np.count_nonzero(self.need))
         self._before |= self.need
         return failing
+
+    def brighter(self, residual: Residual, nodes: Mask) -> bool:
+        """Whether most of some nodes (rows, cols) gained more light since rest than the others."""
+        if self._light is None or not residual.valid.any():
+            return False
+        over = (residual.mean - self._black) / np.maximum(self._light - self._black, 1e-6)
+        return bool(np.median(over[nodes]) > BRIGHTER * np.median(over[residual.valid]))
 
     def _fail(self, residual: Residual, flags: Flags, thought: Float) -> Mask | None:
         """(rows, cols) nodes that cannot be nulled, in patches that have light everywhere; None for none."""

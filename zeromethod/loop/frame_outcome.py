@@ -13,6 +13,17 @@ from zeromethod.loop.state import Doubt, Outcome, StepOutcome
 
 BURST_AHEAD = "no picture nulls a part of the view: coded ones will read it; keep what is pressed still"
 BURST_WORDS = "coded pictures read the warp where none can null it; keep what is pressed still"
+LAMP_AHEAD = (
+    "a lamp's image lies over a part of the view, which coded pictures will read: switch it off or shade it"
+)
+LAMP_WORDS = "coded pictures read the warp behind a lamp's image: switch it off or shade it"
+"""The same where the nodes have more light than at rest."""
+
+
+def burst_words(result: FrameResult) -> str:
+    """What is done about nodes that no picture nulls."""
+    ahead, now = (LAMP_AHEAD, LAMP_WORDS) if result.lamp else (BURST_AHEAD, BURST_WORDS)
+    return now if result.coded else ahead
 
 
 def frame_outcome(
@@ -41,7 +52,7 @@ def frame_outcome(
     if refusal is not None or result.measured is None:
         return StepOutcome(Outcome.HELD, words)
     blinded = "the camera is blinded: too bright" if Event.SATURATED in events else ""
-    unread = (BURST_WORDS if result.coded else BURST_AHEAD) if result.unread else ""
+    unread = burst_words(result) if result.unread else ""
     seen = result.residual_rms_px, result.valid_share, at_rest(), result.covered_share
     return StepOutcome(Outcome.MEASURED, blinded, *seen, doubt, result.order, unread, passive, coming)
 

@@ -20,7 +20,7 @@ from zeromethod.loop.display_watch import DisplayWatch
 from zeromethod.loop.drawing import HANGING_S, Drawer, Drawing
 from zeromethod.loop.events import Event, Notice, Notices
 from zeromethod.loop.frame_check import FrameCheck, own
-from zeromethod.loop.frame_outcome import BURST_WORDS, frame_figures, frame_outcome
+from zeromethod.loop.frame_outcome import burst_words, frame_figures, frame_outcome
 from zeromethod.loop.frame_source import FrameSource, Stopped, Trouble, failure
 from zeromethod.loop.light_quality import LightQuality
 from zeromethod.loop.pattern_dwell import PatternDwell
@@ -266,7 +266,7 @@ class Loop:
         events += self._judged(frame, result)
         if result.coded:
             events += (Event.BURST,)
-            self._notices.add(Notice(Event.BURST, BURST_WORDS))
+            self._notices.add(Notice(Event.BURST, burst_words(result)))
         state = self.paused, partial(self._at_rest, result), self.bench.doubt or self.doubt, self._passive
         outcome = frame_outcome(verdict, result, refusal, events, *state, self.coming)
         self.over |= verdict.wrong and self._check.wrong_frames >= WRONG_FRAMES_TO_END

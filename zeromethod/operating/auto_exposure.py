@@ -30,6 +30,8 @@ WITHIN = 1.1
 THINNED = 4
 """Of rows and columns every such one is looked at."""
 BRIGHT_PERCENTILE = 99.5
+WHOLE = 1e-6
+"""Periods from a whole number of them within which an exposure was chosen for it."""
 
 
 class Greys(NamedTuple):
@@ -50,6 +52,13 @@ class AutoExposure:
         self._exposure_ns = 0
         self._since_ns = 0
         self._asked: Future[dict[str, Any]] | None = None
+        self._changes, self._reason = 0, "the run was too short for another one"
+
+    @property
+    def figures(self) -> dict[str, Any]:
+        """The exposure of the newest frame, ms, how often another was asked for, and why it is this one."""
+        now_ms = 1e-6 * self._exposure_ns
+        return {"exposure_ms": now_ms, "changes": self._changes, "reason": self._reason}
 
     def see(self, step: Step) -> None:
         """Take in the newest step, and change the exposure of later frames where that is due."""
@@ -69,8 +78,22 @@ class AutoExposure:
         if step.time_ns - self._since_ns < 1e9 * EVERY_S or not (blinded or step.residual is not None):
             return
         hz = self._flicker.mains_hz if swing > FLICKER_SHARE else math.nan
-        self._ask(advised_exposure_s(seen, self._rig, 1e-9 * step.exposure_ns, self._flicker.brightest, hz))
+        wanted_s = advised_exposure_s(seen, self._rig, 1e-9 * step.exposure_ns, self._flicker.brightest, hz)
+        self._reason = self._why(wanted_s, blinded, hz)
+        self._ask(wanted_s)
         self._since_ns = step.time_ns
+
+    def _why(self, wanted_s: float, blinded: bool, hz: float) -> str:
+        """Why an exposure is wanted."""
+        if math.isnan(wanted_s):
+            return "no light"
+        if blinded:
+            return "the picture saturates"
+        if wanted_s >= 1 / self._rig.camera.rate_hz:
+            return "more light is wanted than a whole frame brings"
+        if math.isfinite(hz) and abs(wanted_s * hz - round(wanted_s * hz)) < WHOLE:
+            return f"whole periods of the mains ({hz:.0f} Hz)"
+        return "the target's peaks just below saturation"
 
     def _ask(self, wanted_s: float) -> None:
         """Have later frames exposed so; not again once the camera has refused it."""
@@ -80,4 +103,5 @@ class AutoExposure:
             return
         if self._asked is not None and (not self._asked.done() or self._asked.exception() is not None):
             return
+        self._changes += 1
         self._asked = self._controls.call("exposure", {"value": 1e3 * wanted_s}, source=SOURCE)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from zeromethod.control.stability_margin import Margin
 from zeromethod.fine.surface import FineSurface
@@ -61,6 +62,8 @@ class RunResult:
         Stability at the delay that coded strips reported when it was first known.
     delay_ms : float, optional
         Delay of display and camera as coded strips report it (`DisplaySpec.latency_s`).
+    exposure : dict, optional
+        What `run --auto-exposure` came to: `exposure_ms`, `changes`, `reason`.
     """
 
     rig: Rig
@@ -85,6 +88,7 @@ class RunResult:
     dropped_refreshes: int | None = None
     margin: Margin | None = None
     delay_ms: float | None = None
+    exposure: dict[str, Any] | None = None
     _worst_px: float = field(default=0.0, init=False)
     _deepest_mm: float = field(default=0.0, init=False)
 

@@ -182,6 +182,7 @@ def summarise(result: RunResult) -> Figures:
         "recording_trouble": result.recording_trouble,
         "dropped_refreshes": result.dropped_refreshes,
         "delay_ms": result.delay_ms,
+        "auto_exposure": result.exposure,
         "stability_margin": result.margin.margin if result.margin else None,
         "state": str(result.state),
         "reason": last.reason if last else "",

@@ -20,11 +20,20 @@ _DEEPEST = "true peak depth, contacts included"
 LOOP_MS = {False: "loop, frame in to warp out", True: "frame in to measured warp"}
 """What the time of a step is called; of a passive run."""
 
+_RESIDUAL = "residual in the hold"
+_PASSIVE = {_RESIDUAL: "displacement seen in the hold, which nothing nulls", LOOP_MS[False]: LOOP_MS[True]}
+"""Rows that have another name in a passive run."""
+
 _ROWS: tuple[tuple[str, tuple[str, ...], str], ...] = (
     ("state at the end", ("state",), "{}"),
     ("frames (dropped)", ("frames", "dropped"), "{} ({})"),
+    (
+        "exposure that followed the light",
+        ("auto_exposure.exposure_ms", "auto_exposure.changes", "auto_exposure.reason"),
+        "{:.2f} ms after {} changes: {}",
+    ),
     ("frames to lock in the hold", ("lock_frames",), "{}"),
-    ("residual in the hold", ("residual_px_rms",), "{:.4f} camera px rms"),
+    (_RESIDUAL, ("residual_px_rms",), "{:.4f} camera px rms"),
     ("nodes that see the pattern by the mirror", ("usable_share",), "{:.1%}"),
     ("of these called valid", ("valid_share",), "{:.1%}"),
     ("peak depth read (sigma)", ("depth_peak_mm", "depth_peak_sigma_mm"), "{:.5f} mm ({:.5f})"),
@@ -159,7 +168,7 @@ def status_rows(status: Figures | None) -> list[tuple[str, str]]:
 def summary_table(figures: Figures) -> Table:
     """Table of the figures of a run that were measured; rows without a value are left out."""
     rows: list[tuple[str, str]] = []
-    named = {LOOP_MS[False]: LOOP_MS[True]} if figures["controller"] == "passive" else {}
+    named = _PASSIVE if figures["controller"] == "passive" else {}
     of = "the hold" if figures["figures_of"] == "hold" else "the run"
     for label, keys, pattern in _ROWS:
         values = [_look_up(figures, key) for key in keys]
