@@ -20,7 +20,7 @@ _ROWS = (
     ("readings of depth, each of five frames", ("readings_of_depth",), "{}"),
     ("residual at the end, of full scale", ("light_residual",), "{:.5f}"),
     ("residual while pressed", ("light_residual_pressed",), "{:.5f}"),
-    ("peak depth at the end (sigma)", ("depth_peak_mm", "depth_peak_sigma_mm"), "{:.5f} mm ({:.2g})"),
+    ("peak depth at the end (sigma)", ("depth_peak_mm", "depth_peak_sigma_mm"), "{:.5f} mm ({:#.2g})"),
     ("peak error, worst of hold and slide", ("depth_peak_error_percent",), "{:+.3f} %"),
     ("the same in its sigmas", ("depth_peak_error_sigmas",), "{:+.2f}"),
     ("depth error in hold and slide", ("depth_rms_error_um",), "{:.3f} µm rms"),
