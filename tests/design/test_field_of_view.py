@@ -34,6 +34,6 @@ def test_a_saw_whose_teeth_were_left_out_shows_as_a_thick_prism():
     thick = saw.replace({"prism.teeth": None})
     found = [field_of_view(SampledView(rig)) for rig in (saw, thick)]
     assert [one["teeth"] for one in found] == [10, None]
-    # a triangle with both angles of 41 degrees is half its base times their tangent high; of a tooth, on its base
+    # a triangle with both angles of 41 degrees is half its base times their tangent high
     high = np.tan(np.radians(41.0)) / 2
     assert [one["thickness_mm"] for one in found] == pytest.approx([3.395 + 8.3 * high, 83.0 * high])
