@@ -75,6 +75,7 @@ REFUSALS = [
     ("run --rig lit.toml", 'light.source: "lamp": only with control.controller "passive": a lamp lights a'),
     ("run --passive --gain 0.5", "--passive and --gain: give one of them: a passive run has no loop"),
     ("run --rig printed --fine", "rig 'printed', which is passive, and --fine: give one of them: a passive"),
+    ("run --rig printed --display 1", "--display: 1: rig 'printed': a lamp lights a print (light.source); "),
     ("calibrate --rig printed", "rig 'printed': control.controller: 'passive': a pattern that stays cannot"),
     ("check --rig printed", "rig 'printed': control.controller: 'passive': a pattern that stays cannot"),
     ("run --passive --fine", "--passive and --fine: give one of them: a passive run has no loop"),

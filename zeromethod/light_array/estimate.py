@@ -326,8 +326,7 @@ def fit(
     count = len(state) - 2
     bright = 1 + state[count]
     total, by_place = light_by_place(model, at, lit)
-    jacobian = np.empty((COUNT, count + 2))
-    left = np.empty(COUNT)
+    jacobian, left = np.empty((COUNT, count + 2)), np.empty(COUNT)
     for k in range(COUNT):
         by_u, by_v = bright * by_place[0, k], bright * by_place[1, k]
         left[k] = (reading[k] - offset[k] - bright * total[k] - state[count + 1]) / model.sigma
@@ -347,6 +346,5 @@ def fit(
         if not used[k]:  # its own residual all the same: it may have come back
             rest[k] = left[k]
     moved = max(np.abs(model.by_mode[0] @ step[:count]).max(), np.abs(model.by_mode[1] @ step[:count]).max())
-    size = np.abs(rest)
     state = state + step
-    return Fit(state, look(model, state[:count]), rest, moved, 1.4826 * np.median(size[used]))
+    return Fit(state, look(model, state[:count]), rest, moved, 1.4826 * np.median(np.abs(rest)[used]))

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections import Counter, deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,8 +14,9 @@ from zeromethod.arrays import Float
 from zeromethod.contact import Contact
 from zeromethod.light_array.channels import Channels, Seen
 from zeromethod.light_array.depth import DepthReader
-from zeromethod.light_array.devices import FULL_SCALE, ArraysLost, Counts, LightArrays, Readings
+from zeromethod.light_array.devices import FULL_SCALE, Counts, LightArrays, Readings
 from zeromethod.light_array.estimate import Fit, fit, look, model_of, next_levels
+from zeromethod.light_array.exchange import Exchange, GivenUp
 from zeromethod.light_array.finer import FinerDents
 from zeromethod.light_array.optics import COUNT
 from zeromethod.light_array.rig import LightArrayRig
@@ -31,17 +31,11 @@ READ_EVERY = 5
 SURFACE_EVERY = 20
 """Readings to one map of depth and sigma."""
 
-_REMEMBERED = 256
-"""Levels sent that readings may still show."""
-
 _LOCK_SIGMAS = 2.0
 """Light, rms, that other levels could still add, in sigmas of one reading, below which a frame is nulled."""
 
 _FITS = 2.0
 """Robust residual, in sigmas, above which the modes do not explain what is seen."""
-
-_RESTARTED = 20
-"""Readings in a row whose numbers are not above the last, by which the arrays have started again."""
 
 _MOST_STRANGE = 6
 """Detectors that are off in a frame, beyond which it is none of single ones: a narrow dent, a contact."""
@@ -59,7 +53,6 @@ _FINER_WORDS = "a dent finer than the depth modes, which would read it too shall
 _STRANGE_WORDS = "readings show levels that were not sent: is there a second host?"
 _DARK_WORDS = "the arrays show no levels yet"
 _REST_SIGMAS = 5.0
-_TIMEOUT_S, _RETRY_S = 0.1, 0.2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -84,23 +77,18 @@ class LightLoop:
 
     def __init__(self, rig: LightArrayRig, arrays: LightArrays) -> None:
         self.rig, self.arrays = rig, arrays
+        self._link = Exchange(arrays, rig.arrays.reopen_s)
+        self.counts = self._link.counts
         self.model = model_of(rig)
         self._finer = FinerDents(rig)
         self.reader = DepthReader(rig, self._finer)
-        self.counts: Counter[str] = Counter()
         self.start: Start | None = None
         self.state, self.reason = State.STARTING, ""
-        self.stopped = False
-        self._sent: deque[tuple[int, Counts]] = deque(maxlen=_REMEMBERED)
-        self._number = self._frames = self._refused = 0
-        self._last: Readings | None = None
+        self._frames = 0
         self._from_rest()
         self._covariance = np.diag(1 / self.model.prior)
         self._nulled = self._unfit = 0
         self._settled = self._resting = self._at_rest = False
-        self._silent_s = 0.0
-        self._backwards = 0
-        self._notes: tuple[str, ...] = ()
         self._readings: list[Fit] = []
         self._finer_dent = ""
         self._begin_ns = 0
@@ -114,19 +102,19 @@ class LightLoop:
         """Measure the start, then close the loop for so many frames or seconds of the arrays' clock."""
         try:
             if self.start is None:
-                self.start = measure_start(self.rig, self.model, self._exchange)
+                self.start = measure_start(self.rig, self.model, self._link.measure)
                 self._channels = Channels(self.start, self._finer)
                 self.model = self.start.model
                 self._from_rest()
-                self._send(self.start.levels)
+                self._link.send(self.start.levels)
                 yield self._step(
                     notes=tuple(f"{name} is {why} and left out" for name, why in self.faults.items())
                 )
             done = 0
-            while not self.stopped and (frames is None or done < frames):
-                got = self._next()
+            while not self._link.stopped and (frames is None or done < frames):
+                got = self._link.next()
                 if got is None:
-                    yield self._step()
+                    yield self._without_readings()
                     if self.state is State.FAULT:
                         return
                     continue
@@ -135,8 +123,14 @@ class LightLoop:
                 yield step
                 if seconds is not None and step.time_s >= seconds - 0.5 / self.rig.detectors.rate_hz:
                     break
-        except _GivenUp:
-            yield self._step()
+        except GivenUp:
+            yield self._without_readings()
+
+    def _without_readings(self) -> LightStep:
+        """Step in the state that missing readings make."""
+        if self._link.trouble:
+            self.state, self.reason = self._link.trouble
+        return self._step()
 
     def _from_rest(self) -> None:
         """Take it that the mirror is at rest, for the next frame to start from."""
@@ -145,109 +139,20 @@ class LightLoop:
 
     def stop(self) -> None:
         """End the run after the frame in hand."""
-        self.stopped = True
-
-    def _send(self, levels: Counts) -> None:
-        self._number += 1
-        self._sent.append((self._number, levels))
-        try:
-            self.arrays.send(self._number, levels)
-        except ArraysLost as error:
-            self._lost(str(error))
-
-    def _exchange(self, wanted: Sequence[Counts]) -> list[Readings | None]:
-        """Have levels lit, one after the other; the readings of each."""
-        first = self._number + 1
-        found: list[Readings | None] = [None] * len(wanted)
-        for k in range(len(wanted) + _REMEMBERED // 4):
-            self._send(wanted[min(k, len(wanted) - 1)])
-            got = self._wait()
-            if got is not None and 0 <= got.shown - first < len(wanted):
-                found[got.shown - first] = got
-            if found[-1] is not None and k >= len(wanted) - 1:
-                break
-        return found
-
-    def _wait(self) -> Readings | None:
-        """Return the next readings while the start is measured. Raises _GivenUp where none come."""
-        for _ in range(max(round(self.rig.arrays.reopen_s / _TIMEOUT_S), 1)):
-            got = self._next()
-            if self.stopped:
-                raise _GivenUp
-            if got is not None or self.state is State.FAULT:
-                break
-        if got is None:
-            self.state, self.reason = State.FAULT, self.reason or "the arrays send no readings"
-            raise _GivenUp
-        self.state, self.reason = State.STARTING, ""
-        return got
-
-    def _next(self) -> Readings | None:
-        """Return the next readings; None after a time without, which the state then says."""
-        try:
-            got = self.arrays.receive(_TIMEOUT_S)
-        except ArraysLost as error:
-            self._lost(str(error))
-            return None
-        if broken := self.arrays.refused - self._refused:
-            self.counts["frames broken on the way"] += broken
-            self._refused = self.arrays.refused
-        last = self._last
-        if got is None:
-            self.counts["times without readings"] += not self._silent_s
-            silent_s = self._silent_s = self._silent_s + _TIMEOUT_S
-            self.state, self.reason = (
-                State.HOLDING,
-                f"no readings for {silent_s:.1f} s: power, cable, address",
-            )
-            if silent_s >= self.rig.arrays.reopen_s:
-                self.state, self.reason = State.FAULT, f"the arrays sent nothing for {silent_s:.1f} s"
-            elif self._sent:  # arrays that were off do not know whom to send readings to
-                self.arrays.send(*self._sent[-1])
-            return None
-        self._silent_s = 0.0
-        if last is not None and got.number <= last.number:
-            self._backwards += 1
-            if self._backwards < _RESTARTED:
-                return None
-            self._restarted(got, last)
-        elif last is not None:
-            late = {"readings out of order": self._backwards, "readings lost": got.number - last.number - 1}
-            self.counts.update({name: count for name, count in late.items() if count})
-        self._backwards = 0
-        self._last = got
-        return got
-
-    def _restarted(self, got: Readings, last: Readings) -> None:
-        """Go on with arrays that count from the start again, and whose clock may, too."""
-        self.counts.update({"arrays started again": 1, "readings lost": self._backwards - 1})
-        self._notes += ("the arrays started again: readings go on by what was measured before",)
-        if self._begin_ns:
-            self._begin_ns += got.time_ns - last.time_ns
-
-    def _lost(self, why: str) -> None:
-        """Try to open what was lost, for as long as the rig says."""
-        self.counts["arrays lost"] += 1
-        until = time.monotonic() + self.rig.arrays.reopen_s
-        while not self.arrays.reopen():
-            if time.monotonic() >= until or self.stopped:
-                self.state, self.reason = State.FAULT, f"the arrays are lost: {why}"
-                raise _GivenUp
-            time.sleep(_RETRY_S)
-        self.state, self.reason = State.HOLDING, f"the arrays were lost and are open again: {why}"
+        self._link.stopped = True
 
     def _take(self, got: Readings) -> LightStep:
         """Once round: fit the modes, command the next levels, keep the state."""
         began = time.perf_counter()
         assert self.start is not None
         if not self._begin_ns:
-            self._begin_ns = got.time_ns
+            self._begin_ns = got.time_ns - self._link.shift_ns
         self._frames += 1
-        shown = next((levels for number, levels in reversed(self._sent) if number == got.shown), None)
+        shown = self._link.levels(got.shown)
         if shown is None:
             self.counts["readings of levels never sent"] += 1
             self.state, self.reason = State.HOLDING, _STRANGE_WORDS if got.shown else _DARK_WORDS
-            self._send(self._sent[-1][1])
+            self._link.send(self._link.newest_levels())
             return self._step(got)
         channels = self._channels
         lit = channels.led * (shown / FULL_SCALE)
@@ -275,11 +180,11 @@ class LightLoop:
             missing,
             channels.led,
             shown / FULL_SCALE,
-            self._sent[-1][1] / FULL_SCALE,
+            self._link.newest_levels() / FULL_SCALE,
             self.rig.control.gain,
             self.model.sigma,
         )
-        self._send(np.rint(wanted * FULL_SCALE).astype(np.uint16))
+        self._link.send(np.rint(wanted * FULL_SCALE).astype(np.uint16))
         at_rest = self._at_rest and fits and (self._unfit < _UNFIT_FRAMES or bool(self._finer_dent))
         frame = Seen(found.left, found.scale, got.counts, reading, light, lit, self.model.sigma)
         notes = channels.see(frame, at_rest)
@@ -312,10 +217,8 @@ class LightLoop:
             self.state, self.reason = State.LOST, "more than half of the detectors are left out"
         elif self._unfit >= _UNFIT_FRAMES or used < _FEWEST_USED * COUNT:
             self.state, self.reason = State.LOST, self._finer_dent or _UNFIT_WORDS
-            if (
-                self._unfit % _UNFIT_FRAMES == 0 and not self._finer_dent
-            ):  # look for it again from the mirror at rest
-                self._from_rest()
+            if self._unfit % _UNFIT_FRAMES == 0 and not self._finer_dent:
+                self._from_rest()  # to look for the mirror again
         elif self._nulled >= LOCK_FRAMES:
             self.state, self.reason = State.RESTING if self._resting else State.LOCKED, ""
         else:
@@ -344,14 +247,14 @@ class LightLoop:
 
     def _step(self, got: Readings | None = None, **more: Any) -> LightStep:
         """Step of the newest readings, or of none."""
-        last = got or self._last
+        last = got or self._link.last
         at_ns = 0 if last is None else last.time_ns
         phase = getattr(self.arrays, "phase_at", None)
-        notes, self._notes = self._notes + more.pop("notes", ()), ()
+        notes, self._link.notes = self._link.notes + more.pop("notes", ()), ()
         return LightStep(
             number=self._frames,
             time_ns=at_ns,
-            time_s=1e-9 * (at_ns - self._begin_ns) if self._begin_ns else 0.0,
+            time_s=1e-9 * (at_ns - self._begin_ns - self._link.shift_ns) if self._begin_ns else 0.0,
             state=self.state,
             reason=self.reason,
             phase=phase(at_ns) if phase is not None else "",
@@ -360,7 +263,3 @@ class LightLoop:
             notes=notes,
             **more,
         )
-
-
-class _GivenUp(Exception):
-    """The arrays cannot be had any more; the state says why."""
