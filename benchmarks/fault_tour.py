@@ -6,9 +6,9 @@ Recovered: the last frames are locked again and within the bar (or, where nothin
 in `fault` with its reason). Wrong by: the worst depth peak against the truth at mid-exposure among all
 readings that the run offered as good, that is with a measurement and in state locked or resting. Bar: 1 %;
 the bench itself is 0.1 % off without any fault, as its nodes are four times as far apart as those of the
-packaged rig. --light has the same bench under another light; a print under a lamp is read passively and has
-no display to lose; its pixels are twice as large only, and its bar is a passive sensor's 1.5 %, as its window
-hides a part of the press.
+packaged rig. --light has the same bench under another light. --rig printed, a print under a lamp, is read
+passively and has no display to lose; its pixels are twice as large only, and its bar is a passive sensor's
+1.5 %, as its window hides a part of the press.
 """
 
 from __future__ import annotations
@@ -35,18 +35,17 @@ FRAMES_AFTER = 40
 DEPTH_MM, CHANGED_MM = 0.2, 0.12
 WITHIN_PERCENT = 1.0
 GOOD = {State.LOCKED, State.RESTING, State.PASSIVE}
-MIDDLES_MM = {"simulated": VIEW_MIDDLE_MM, "contactless": 62.0, "thin": 38.0}
+MIDDLES_MM = {"simulated": VIEW_MIDDLE_MM, "contactless": 62.0, "thin": 38.0, "printed": VIEW_MIDDLE_MM}
 """x of the mirror point pressed, in the middle of a rig's view or, of a saw, on a seam."""
-SHARES, BINNING = {"thin": 0.5}, {"thin": 2}
-"""Depth over that of the others, and how many pixels become one where it is not four: a tooth needs nodes."""
+SHARES, BINNING, PERCENTS = {"thin": 0.5}, {"thin": 2, "printed": 2}, {"printed": 1.5}
+"""Depth over that of the others; how many pixels become one where it is not four: a tooth needs nodes; bars
+where they are not `WITHIN_PERCENT`."""
 LIGHTS: dict[str, dict[str, Any]] = {
     "lcd": {},
     "mains": {"light.mains": 1.0},
     "sun": {"light.sun": 1.0},
     "ring": {"light.ring": 0.3},
-    "printed": {},
 }
-PRINTED_PERCENT = 1.5
 
 
 @dataclass(frozen=True)
@@ -116,21 +115,11 @@ def peak_error_percent(read_mm: float, truth: TrueMirror, at: tuple[float, float
     return 100 * (read_mm - true_mm) / true_mm
 
 
-def within_percent(light: str) -> float:
-    """Bar of the peak under a light."""
-    return PRINTED_PERCENT if light == "printed" else WITHIN_PERCENT
-
-
 def tour(
     fault: Fault, moving: bool, frames_after: int = FRAMES_AFTER, light: str = "lcd", name: str = "simulated"
 ) -> Outcome:
     """Run one fault under a light, on a rig by name; the run goes on for so many frames after it."""
-    rig = (
-        coarser(load_rig("printed"), 2)
-        if light == "printed"
-        else coarser(load_rig(name), BINNING.get(name, 4))
-    )
-    rig = rig.replace(LIGHTS[light])
+    rig = coarser(load_rig(name), BINNING.get(name, 4)).replace(LIGHTS[light])
     simulation = rig.simulation
     fault_s = (simulation.camera_phase + FAULT_FRAME) / rig.camera.rate_hz
     jump_s = fault_s + fault.changes_after / rig.camera.rate_hz
@@ -169,7 +158,7 @@ def tour(
             good_since = (good_since or count) if good and after else None
         end = f"{bench.loop.status.state}: {bench.loop.status.reason}"
         final = step.state
-    ok = final in GOOD and bool(good_errors) and abs(good_errors[-1]) < within_percent(light)
+    ok = final in GOOD and bool(good_errors) and abs(good_errors[-1]) < PERCENTS.get(name, WITHIN_PERCENT)
     if not fault.recovers:
         ok = final is State.FAULT and bool(bench.loop.status.reason)
     return Outcome(
@@ -199,9 +188,9 @@ def measure(
     name: str = "simulated",
 ) -> Report:
     """Tour these faults under a light, on a rig by name; scenarios: press held, press jumping meanwhile."""
-    if light == "printed":
+    if name == "printed":
         faults = tuple(fault for fault in faults if fault.event is not Event.DISPLAY_LOST)
-    within = within_percent(light)
+    within = PERCENTS.get(name, WITHIN_PERCENT)
     outcomes = []
     with progress(len(faults) * len(scenarios), "faults") as bar:
         for fault in faults:

@@ -56,6 +56,19 @@ def test_the_picture_stays_and_depth_is_within_its_sigma(kept, passive):
     assert figures["state"] == "passive"
 
 
+def test_a_bench_that_moves_is_named_though_nothing_nulls_its_picture(passive):
+    # half a camera px: of the mirror's depth, over ten times the stated sigma
+    faults = {"moved_at_frame": 12, "camera_turned_deg": (0.0127, 0.0, 0.0)}
+    moved = passive.replace({"scenario": "none"}).replace(
+        {f"simulation.faults.{key}": value for key, value in faults.items()}
+    )
+    with zm.Session(moved) as session:
+        steps = list(session.run(frames=30))
+    assert all(step.state is not State.MOVED for step in steps if (step.frame_number or 0) < 12)
+    # the mean of eight frames is judged
+    assert [step.state for step in steps[-9:]] == [State.MOVED] * 9
+
+
 def test_a_recording_of_it_replays_bit_for_bit(kept, passive):
     _, _, path = kept
     with zm.open_recording(path) as recording:

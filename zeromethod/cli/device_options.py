@@ -238,6 +238,9 @@ def _with_monitor(rig: Rig, index: int) -> Rig:
     from zeromethod.drivers.monitors import monitors  # noqa: PLC0415 - needs a screen's libraries
 
     display = rig.display
+    if rig.light.by_mirror:
+        rule = "a lamp lights a print (light.source); allowed: without --display"
+        raise InputError(f"--display: {index}: rig {rig.name!r}: {rule}")
     try:
         known = monitors()
     except InputError as error:

@@ -85,7 +85,7 @@ def _address(ctx: click.Context, param: click.Parameter, value: str | None) -> s
     "--watch-camera",
     "watch_address",
     metavar="ADDRESS",
-    help="The rig's second camera, which sees what comes: as for --camera.",
+    help="The rig's second camera, of two lenses, which sees what comes: as for --camera.",
 )
 @click.option(
     "--project",
@@ -298,4 +298,5 @@ def _report(result: RunResult, figure: Path | None, summary: Path | None) -> Non
     if not figures["calibrated"]:
         raise MeasurementError(f"not calibrated: {DOUBT.reason}")
     if (when := figures["not_nulled"]) is not None:
-        raise MeasurementError(f"the null was not held {when}: {figures['not_nulled_reason']}")
+        what = "no frame was read" if result.rig.control.passive else "the null was not held"
+        raise MeasurementError(f"{what} {when}: {figures['not_nulled_reason']}")

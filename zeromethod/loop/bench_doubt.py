@@ -43,6 +43,8 @@ class BenchDoubt:
         places = mark_places(rig, rest.grid, rest.visible)
         self._marks = MarkWatch(places, self._watch.modes.camera_px) if self._watch and places else None
         self._zero = zero
+        # a pattern that stays is never nulled: what it reads is as good far from its null
+        self._most_px = float("inf") if rig.control.passive else LOCK_RESIDUAL_PX
         self._nodes = rest.grid.mesh() if rig.control.follow_bench else None
         self._from = zero.q
         self._since_ns = 0
@@ -65,7 +67,7 @@ class BenchDoubt:
         watch, measured = self._watch, result.believed
         if watch is None:
             return ()
-        nulled = measured is not None and result.residual_rms_px < LOCK_RESIDUAL_PX
+        nulled = measured is not None and result.residual_rms_px < self._most_px
         if measured is not None and self._zero.q is not self._from:
             self._forget(watch, measured.time_ns)
         words = "" if self._marks is None else self._marks.look(image, nulled)
