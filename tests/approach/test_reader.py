@@ -99,6 +99,8 @@ def test_a_rig_without_a_watch_camera_or_with_a_blind_one_is_refused():
         WatchReader(load_rig("simulated"))
     with pytest.raises(InputError, match=r"watch\.look_at_mm"):
         WatchReader(RIG.replace({"watch.look_at_mm": [75.0, 0.0, -500.0]}))
+    with pytest.raises(InputError, match=r"watch\.baseline_mm"):
+        WatchReader(RIG.replace({"watch.baseline_mm": 8000.0}))
 
 
 def test_a_thing_mostly_as_light_as_the_room_behind_it_is_followed_whole():

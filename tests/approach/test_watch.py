@@ -1,11 +1,13 @@
 import threading
 
+import pytest
 from watched import RIG
 
 from zeromethod.approach import Watch, Watching, WatchReader
 from zeromethod.clock import HostClock, SimulatedClock
 from zeromethod.devices.protocols import CameraTimeout
 from zeromethod.devices.watch import watch_opener
+from zeromethod.errors import InputError
 
 
 def looked(kind, until_s):
@@ -76,3 +78,22 @@ def test_a_frame_that_cannot_be_read_does_not_end_the_run(monkeypatch):
     found, notes = looked("none", 0.0)
     assert found[-1] is Watching.BLIND
     assert "ZeroDivisionError" in notes[0]
+
+
+class OneLens:
+    """A camera with one lens: half the columns of a frame with two views."""
+
+    shape, bits = (240, 160), 8
+
+    def read(self, timeout_s):
+        raise CameraTimeout
+
+    def close(self):
+        pass
+
+
+def test_a_camera_with_one_lens_is_refused_by_what_it_cannot_know():
+    driver = f"{__name__}:OneLens"
+    rig = RIG.replace({"watch.driver": driver, "camera.driver": driver})
+    with pytest.raises(InputError, match=r"two lenses side by side.*cannot be known when something touches"):
+        watch_opener(rig, HostClock())()

@@ -80,7 +80,7 @@ REFUSALS = [
     ("check --rig printed", "rig 'printed': control.controller: 'passive': a pattern that stays cannot"),
     ("run --passive --fine", "--passive and --fine: give one of them: a passive run has no loop"),
     ("design --pattern print.jpg", "--pattern: print.jpg: the file name must end in .png"),
-    ("run --watch-camera 1", "--watch-camera: '1': rig 'simulated' has no table [watch]; allowed: with"),
+    ("run --watch-camera 1", "--watch-camera: '1': the rig has no table [watch]; allowed: with"),
     ("run --rig contactless --watch-camera nowhere", "--watch-camera: 'nowhere': allowed: an index (0)"),
     ("run --rig contactless --watch-camera 1", "watch.driver: 'opencv': camera and watch camera are both"),
     ("run --rig contactless --watch-camera 1 --simulate", "--simulate and --watch-camera: give one of"),

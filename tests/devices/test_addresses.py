@@ -59,5 +59,5 @@ def test_a_watch_camera_is_named_as_a_camera_is_and_keeps_its_pose():
     watch = with_watch_camera(rig, "pylon:3").watch
     assert (watch.driver, watch.model_extra) == ("pylon", {"serial": "3"})
     assert watch.position_mm == rig.watch.position_mm
-    with pytest.raises(InputError, match=r"--watch-camera: '0': rig 'simulated' has no table \[watch\]"):
+    with pytest.raises(InputError, match=r"--watch-camera: '0': the rig has no table \[watch\]"):
         with_watch_camera(RIG, "0")

@@ -37,7 +37,8 @@ class WatchReader:
         self._shape = rig.watch.rows, rig.watch.columns
         self.exits = exits_of(rig, rig.watch)
         if min(exits.valid.mean() for exits in self.exits) < 0.05:
-            raise InputError("watch.look_at_mm: hardly any ray of the watch camera goes out by the mirror")
+            key = "baseline_mm" if rig.watch.baseline_mm > rig.prism.width_mm else "look_at_mm"
+            raise InputError(f"watch.{key}: hardly any ray of the watch camera goes out by the mirror")
         self._some = np.flatnonzero(np.hstack([exits.valid for exits in self.exits]))[::SOME]
         self._backgrounds = tuple(Background(exits.valid) for exits in self.exits)
         self._mirror = PrismGeometry(rig.prism)

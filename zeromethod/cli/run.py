@@ -85,7 +85,7 @@ def _address(ctx: click.Context, param: click.Parameter, value: str | None) -> s
     "--watch-camera",
     "watch_address",
     metavar="ADDRESS",
-    help="The rig's second camera, which sees what comes: as for --camera.",
+    help="The rig's second camera, of two lenses, which sees what comes: as for --camera.",
 )
 @click.option(
     "--project",

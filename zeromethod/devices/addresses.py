@@ -59,8 +59,8 @@ def with_watch_camera(rig: Rig, address: str | None) -> Rig:
         return rig
     if rig.watch is None:
         raise InputError(
-            f"--watch-camera: {address!r}: rig {rig.name!r} has no table [watch]; allowed: with a rig that "
-            "says where a watch camera is (contactless)"
+            f"--watch-camera: {address!r}: the rig has no table [watch]; allowed: with a rig that says "
+            "there where a watch camera is, as the packaged rig contactless does"
         )
     driver, options = camera_driver(address, "--watch-camera")
     return _with_device(rig, "watch", rig.watch, {"driver": driver} | options)

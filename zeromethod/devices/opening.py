@@ -77,6 +77,10 @@ def load_driver(kind: Kind, name: str) -> Factory:
     return cast(Factory, factory)
 
 
+class WrongShape(InputError):
+    """A camera's frames have not the shape that the rig says."""
+
+
 @dataclass(repr=False)
 class Devices:
     """Opened devices and the clock they share. A context manager that closes them, the camera first.
@@ -298,7 +302,7 @@ def _complaints(
 def _check_camera(camera: Camera, spec: CameraSpec) -> None:
     shape, wanted = tuple(camera.shape), (spec.rows, spec.columns)
     if shape != wanted:
-        raise InputError(f"camera: the device's frames are {shape} (rows, columns); the rig says {wanted}")
+        raise WrongShape(f"camera: the device's frames are {shape} (rows, columns); the rig says {wanted}")
     if camera.bits != spec.bits:
         raise InputError(f"camera.bits: the device gives {camera.bits}; the rig says {spec.bits}")
 

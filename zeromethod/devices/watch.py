@@ -5,11 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from zeromethod.clock import Clock
-from zeromethod.devices.opening import load_driver, open_camera
+from zeromethod.devices.opening import WrongShape, load_driver, open_camera
 from zeromethod.devices.protocols import Camera
 from zeromethod.errors import InputError
 from zeromethod.rig.model import SIMULATED, CameraSpec, Rig
 
+TWO_LENSES = (
+    "needed: the views of two lenses side by side in one frame, each half of [watch] columns; "
+    "by one lens it cannot be known when something touches, nor how large it is"
+)
 SIMULATED_WATCH = "zeromethod.simulation.watch_camera:SimulatedWatchCamera"
 
 
@@ -31,6 +35,8 @@ def watch_opener(rig: Rig, clock: Clock) -> Callable[[], Camera]:
     def open_watch() -> Camera:
         try:
             return open_camera(spec, factory, {"rig": rig, "clock": clock})
+        except WrongShape as error:
+            raise InputError(f"watch {error}; {TWO_LENSES}") from error
         except InputError as error:
             raise InputError(f"watch {error}") from error
 
