@@ -5,6 +5,7 @@ import pytest
 
 from zeromethod.design import SampledView
 from zeromethod.design.figures import field_of_view
+from zeromethod.rig.load import load_rig
 
 from .design_benches import PIXEL_MM, telecentric
 
@@ -26,3 +27,13 @@ def test_lost_rays_are_counted_by_reason():
     lost = found["lost_share"]
     assert sum(lost.values()) + found["sees_lcd_share"] == pytest.approx(1.0)
     assert max(lost, key=lost.__getitem__) == "misses_camera_face"
+
+
+def test_a_saw_whose_teeth_were_left_out_shows_as_a_thick_prism():
+    saw = load_rig("thin")
+    thick = saw.replace({"prism.teeth": None})
+    found = [field_of_view(SampledView(rig)) for rig in (saw, thick)]
+    assert [one["teeth"] for one in found] == [10, None]
+    # a triangle with both angles of 41 degrees is half its base times their tangent high
+    high = np.tan(np.radians(41.0)) / 2
+    assert [one["thickness_mm"] for one in found] == pytest.approx([3.395 + 8.3 * high, 83.0 * high])

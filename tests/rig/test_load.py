@@ -151,6 +151,40 @@ def test_wrong_keys_and_values_are_refused_alike_in_a_file_and_in_an_edit(tmp_pa
     assert str(caught.value) == f"rig: {said}"
 
 
+TEETH = "prism.teeth"
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({f"{TEETH}.count": 41}, f"{TEETH}.count: 41: a whole number at least 1 and at most 40"),
+        ({f"{TEETH}.base_deviation_mm": [0.1]}, f"{TEETH}.base_deviation_mm: [0.1]: 10 numbers from -1 to 1"),
+        (
+            {f"{TEETH}.camera_sigma_deg": [0.1] * 9},
+            f"{TEETH}.camera_sigma_deg: [0.1, 0.1, 0.1, 0.1, 0.1, 0.1",
+        ),
+        ({f"{TEETH}.pattern_sigma_deg": [2.0]}, f"{TEETH}.pattern_sigma_deg: [2.0]: 10 numbers from 0 to 1"),
+        (
+            {f"{TEETH}.base_mm": 0.3, f"{TEETH}.base_deviation_mm": [0.0] * 9 + [-0.5]},
+            f"{TEETH}.base_deviation_mm: -0.5: at least -0.3, as base_mm is 0.3",
+        ),
+        (
+            {"prism.camera_angle_deg": 84.5, f"{TEETH}.camera_deviation_deg": [0.0] * 9 + [0.6]},
+            f"{TEETH}.camera_deviation_deg: 0.6: with camera_angle_deg 84.5 above 5 and below 85",
+        ),
+        (
+            {"prism.mirror_length_mm": None, LENGTH: 60.0},
+            f"{LENGTH}: 60.0: mirror_length_mm with prism.teeth",
+        ),
+        ({"cloth": {}}, "cloth: a table: no table with camera.pupil_mm or prism.teeth: not simulated"),
+    ],
+)
+def test_teeth_that_cannot_be_are_refused(values, message):
+    with pytest.raises(InputError) as caught:
+        load_rig("thin").replace(values)
+    assert str(caught.value).startswith(f"rig: {message}")
+
+
 @pytest.mark.parametrize(
     "values",
     [

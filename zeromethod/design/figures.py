@@ -138,6 +138,8 @@ def _presses(view: SampledView, kinds: Sequence[PressKind], on_press: Callable[[
 def field_of_view(view: SampledView) -> dict[str, Any]:
     """Ranges over the nodes that see the LCD, shares of all nodes, medians of what a pixel covers."""
     on_lcd, trace, rig = view.on_lcd, view.trace, view.rig
+    optics = view.optics
+    faces = [optics.prism.pattern_face] if optics.saw is None else optics.saw.pattern
     x, y, q = view.x_mm[on_lcd], view.y_mm[on_lcd], trace.q[on_lcd]
     corners = [(0, 0), (0, -1), (-1, -1), (-1, 0)]
     outline = np.array([(view.x_mm[corner], view.y_mm[corner]) for corner in corners])
@@ -153,6 +155,8 @@ def field_of_view(view: SampledView) -> dict[str, Any]:
         "corners_mm": outline.tolist(),
         "mirror_length_mm": view.optics.length_mm,
         "mirror_width_mm": rig.prism.width_mm,
+        "teeth": None if rig.prism.teeth is None else rig.prism.teeth.count,
+        "thickness_mm": -min(float(face.end_mm[2]) for face in faces),
         "mirror_mm_per_px": median_over(mirror_mm_per_px(view), on_lcd),
         "lcd_columns": [float(q[:, 0].min()), float(q[:, 0].max())],
         "lcd_rows": [float(q[:, 1].min()), float(q[:, 1].max())],

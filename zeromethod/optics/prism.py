@@ -29,6 +29,11 @@ class Face:
     length_mm: float | Float
     half_width_mm: float
 
+    @property
+    def end_mm(self) -> Float:
+        """(3,) point at y = 0 where the face ends, away from its edge."""
+        return self.edge + self.length_mm * self.along
+
     @classmethod
     def stacked(cls, faces: Sequence[Face]) -> Face:
         """Faces of equal width as one, arrays with as many rows."""
@@ -135,8 +140,7 @@ class PrismGeometry:
     @property
     def apex_mm(self) -> Float:
         """(3,) point at y = 0 where the two faces meet."""
-        face = self.pattern_face
-        return face.edge + face.length_mm * face.along
+        return self.pattern_face.end_mm
 
     def on_mirror(self, x: Float, y: Float) -> Mask:
         """Whether (x, y) in mm lie on the mirror, borders included; NaN does not."""

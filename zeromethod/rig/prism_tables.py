@@ -11,6 +11,9 @@ from zeromethod.rig.refusal import refused
 from zeromethod.rig.tables import Index, NotNegative, Positive, Table, Vector2
 
 MOST_TEETH = 40
+_FLATTEST_DEG, _STEEPEST_DEG = 5.0, 85.0
+"""Faces lie between these."""
+_FaceAngle = Annotated[float, Field(gt=_FLATTEST_DEG, lt=_STEEPEST_DEG)]
 _ONE_EACH = "base_deviation_mm", "pattern_deviation_deg", "camera_deviation_deg"
 
 
@@ -74,12 +77,18 @@ class Teeth(Table):
 
     @model_validator(mode="after")
     def _one_each(self) -> Teeth:
-        for key in (*_ONE_EACH, *(key.replace("_deviation_", "_sigma_") for key in _ONE_EACH)):
-            values = getattr(self, key)
-            if values and (len(values) != self.count or max(map(abs, values)) > 1.0):
-                raise refused(
-                    key, list(values), f"{self.count} numbers from -1 to 1, one for each tooth, or none"
-                )
+        for least, keys in (
+            (-1, _ONE_EACH),
+            (0, [key.replace("_deviation_", "_sigma_") for key in _ONE_EACH]),
+        ):
+            for key in keys:
+                values = getattr(self, key)
+                if values and (len(values) != self.count or max(map(abs, values)) > 1.0):
+                    allowed = f"{self.count} numbers from {least} to 1, one for each tooth, or none"
+                    raise refused(key, list(values), allowed)
+        if min(self.base_deviation_mm, default=0.0) < -self.base_mm:
+            rule = f"at least -{self.base_mm:g}, as base_mm is {self.base_mm:g}"
+            raise refused("base_deviation_mm", min(self.base_deviation_mm), rule)
         return self
 
 
@@ -92,8 +101,8 @@ class Prism(Table):
     mirror.
     """
 
-    pattern_angle_deg: Annotated[float, Field(gt=5, lt=85)]
-    camera_angle_deg: Annotated[float, Field(gt=5, lt=85)]
+    pattern_angle_deg: _FaceAngle
+    camera_angle_deg: _FaceAngle
     pattern_length_mm: Positive | None = None
     mirror_length_mm: Positive | None = None
     width_mm: Positive
@@ -114,4 +123,15 @@ class Prism(Table):
             raise refused("mirror_length_mm", self.mirror_length_mm, rule)
         if self.teeth is not None and self.mirror_length_mm is None:
             raise refused("pattern_length_mm", self.pattern_length_mm, "mirror_length_mm with prism.teeth")
+        return self
+
+    @model_validator(mode="after")
+    def _angles_of_teeth(self) -> Prism:
+        for side, angle_deg in (("pattern", self.pattern_angle_deg), ("camera", self.camera_angle_deg)):
+            key = f"{side}_deviation_deg"
+            for away_deg in () if self.teeth is None else getattr(self.teeth, key):
+                if not _FLATTEST_DEG < angle_deg + away_deg < _STEEPEST_DEG:
+                    between = f"above {_FLATTEST_DEG:g} and below {_STEEPEST_DEG:g}"
+                    rule = f"with {side}_angle_deg {angle_deg:g} {between}"
+                    raise refused(f"teeth.{key}", away_deg, rule)
         return self

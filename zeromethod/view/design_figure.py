@@ -75,9 +75,8 @@ def _pixels(view: SampledView) -> tuple[Float, Float]:
 
 def _slab(face: Face, from_mm: float, to_mm: float) -> Float:
     """(4, 2) corners x, z of a slab parallel to a face, between two distances from it."""
-    end = face.edge + face.length_mm * face.along
-    corners = [face.edge + from_mm * face.normal, end + from_mm * face.normal]
-    corners += [end + to_mm * face.normal, face.edge + to_mm * face.normal]
+    corners = [face.edge + from_mm * face.normal, face.end_mm + from_mm * face.normal]
+    corners += [face.end_mm + to_mm * face.normal, face.edge + to_mm * face.normal]
     return np.array(corners)[:, [0, 2]]
 
 
@@ -88,7 +87,7 @@ def _outline(view: SampledView) -> Float:
         return np.array([prism.pattern_face.edge, prism.camera_face.edge, prism.apex_mm])[:, [0, 2]]
     corners = [np.zeros(3), np.array([prism.length_mm, 0.0, 0.0])]
     for pattern, camera in zip(saw.pattern[::-1], saw.camera[::-1], strict=True):
-        corners += [camera.edge, pattern.edge + pattern.length_mm * pattern.along, pattern.edge]
+        corners += [camera.edge, pattern.end_mm, pattern.edge]
     return np.array(corners)[:, [0, 2]]
 
 
@@ -200,7 +199,11 @@ def _label_near(axis: Axes, view: SampledView, figures: dict[str, Any]) -> None:
         f"camera px per mrad of slope along x: {_range(figures, 'camera_px_per_mrad')}",
         f"nm of depth per camera px along x: {_range(figures, 'depth_nm_per_px')}",
     ]
-    axis.text(0.02, 0.02, "\n".join(filter(None, words)), transform=axis.transAxes, va="bottom")
+    # under the axis' own label: inside there is no corner that stays free of a thin saw's LCD
+    axis.annotate(
+        "\n".join(filter(None, words)), (0.0, 0.0), xycoords="axes fraction",
+        xytext=(0, -34), textcoords="offset points", va="top",
+    )  # fmt: skip
 
 
 def _range(figures: dict[str, Any], key: str) -> str:

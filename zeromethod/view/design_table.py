@@ -197,7 +197,12 @@ def _view_rows(view: Figures) -> list[tuple[str, str]]:
     x, y = view["mirror_x_mm"], view["mirror_y_mm"]
     mm, lcd = view["mirror_mm_per_px"], view["lcd_px_per_camera_px"]
     lost = ", ".join(f"{share:.1%} {why.replace('_', ' ')}" for why, share in view["lost_share"].items())
+    shape = "one prism" if view["teeth"] is None else f"a saw of {view['teeth']} teeth"
     return [
+        (
+            "rubber",
+            f"{shape}, {view['mirror_length_mm']:.1f} mm long, {view['thickness_mm']:.1f} mm thick",
+        ),
         (
             "mirror in view",
             f"x {x[0]:.1f} to {x[1]:.1f} of {view['mirror_length_mm']:.1f} mm, y {y[0]:.1f} to {y[1]:.1f} mm",
