@@ -56,7 +56,8 @@ class Body:
     """A fitted body. place: (3,) mm, its lowest place; reach_mm: half its length. sigma_...: of the noise.
 
     misfit: mean square of what the light differs from it, over the noise's. rough: its root less the noise,
-    over the contrast. pixels: how many counted.
+    over the contrast. pixels: how many counted. fit: (6,) mm, x, y, z of its middle, half its axis along x, y
+    (0, 0 for what is not long), radius.
     """
 
     place: Float
@@ -67,11 +68,12 @@ class Body:
     misfit: float
     rough: float
     pixels: int
+    fit: Float
 
 
-def fitted(pixels: Pixels, start: Float, *, round_: bool, long: bool) -> Body | None:
-    """The body by least squares; start: x, y, z of its middle, half its axis along x, y, radius, mm."""
-    body, free = start.copy(), [0, 1, 2, 3, 4, 5] if long else [0, 1, 2, 5]
+def fitted(pixels: Pixels, start: Float, *, round_: bool) -> Body | None:
+    """The body by least squares; start: as `Body.fit`, whose half axis stays 0, 0 if it is so."""
+    body, free = start.copy(), [0, 1, 2, 3, 4, 5] if start[3:5].any() else [0, 1, 2, 5]
     pixels = pixels.near(start)
     if pixels.seen_grey.size < 2 * len(free):
         return None
@@ -109,7 +111,7 @@ def fitted(pixels: Pixels, start: Float, *, round_: bool, long: bool) -> Body | 
     return Body(
         lowest @ body, np.sqrt(np.diag(lowest @ spread @ lowest.T)), float(body[5]),
         float(np.sqrt(spread[5, 5])), float(np.hypot(*body[3:5])) + float(body[5]),
-        mean / pixels.noise_grey**2, float(rough), dist.size,
+        mean / pixels.noise_grey**2, float(rough), dist.size, body,
     )  # fmt: skip
 
 

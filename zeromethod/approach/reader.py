@@ -56,10 +56,11 @@ class WatchReader:
         grey = image.astype(np.float32) / np.float32(self._scale) - np.float32(self._black_grey)
         halves = np.split(grey, 2, axis=1)
         found = [one.look(half) for one, half in zip(self._backgrounds, halves, strict=True)]
+        known = self._track.known if self._track is not None else None
         spots = [
             spot
             for left, right in product(*found)
-            if left.darker == right.darker and (spot := spot_of(self.exits, (left, right))) is not None
+            if left.darker == right.darker and (spot := spot_of(self.exits, (left, right), known)) is not None
         ]
         approach = self._follow(spots, time_ns)
         return replace(approach, watching=Watching.SEEN) if self._misses(approach) else approach

@@ -38,8 +38,32 @@ class Spot:
     cut: bool
 
 
-def spot_of(exits: tuple[Exits, Exits], pair: tuple[Silhouette, Silhouette]) -> Spot | None:
-    """What two silhouettes are together; None where they do not belong together."""
+def spot_of(
+    exits: tuple[Exits, Exits], pair: tuple[Silhouette, Silhouette], known: Spot | None = None
+) -> Spot | None:
+    """What two silhouettes are together; None where they do not belong together.
+
+    known: what was there before; one view may show so little of it, cut by the border or as light as the room
+    behind it, that the two no longer match.
+    """
+    start = _start(exits, pair)
+    if start is not None:
+        starts = start, start
+    elif known is not None:
+        starts = known.flat.fit, known.round_.fit
+    else:
+        return None
+    pixels = _pixels(exits, pair)
+    flat, round_ = (fitted(pixels, one, round_=kind) for one, kind in zip(starts, (False, True), strict=True))
+    if flat is None or round_ is None or min(flat.rough, round_.rough) > ROUGHEST:
+        return None
+    if min(flat.sigma_mm[2], round_.sigma_mm[2]) > VAGUE_MM:
+        return None
+    return Spot(flat, round_, pair[0].cut or pair[1].cut)
+
+
+def _start(exits: tuple[Exits, Exits], pair: tuple[Silhouette, Silhouette]) -> Float | None:
+    """(6,) roughly the body (`Body.fit`) by areas and moments; None where the two do not match."""
     z = 30.0
     for _ in range(_PASSES):
         common = _common(exits, z) if pair[0].aside or pair[1].aside else None
@@ -56,20 +80,13 @@ def spot_of(exits: tuple[Exits, Exits], pair: tuple[Silhouette, Silhouette]) -> 
     if miss > MISS_MM + MISS_SHARE * abs(z) or not 1 / ALIKE < ratio < ALIKE:
         return None
     least, most = np.linalg.eigh(0.5 * (left.shape + right.shape))
-    cut = pair[0].cut or pair[1].cut
-    long = bool(cut or least[1] > LONG**2 * least[0])
-    radius = float(np.sqrt(max(3.0 * least[0], 0.1)))
-    half = max(float(np.sqrt(max(3.0 * least[1], 0.0))) - radius, 0.5) * most[:, 1] if long else np.zeros(2)
-    if not long:
+    half = np.zeros(2)
+    if pair[0].cut or pair[1].cut or least[1] > LONG**2 * least[0]:
+        radius = float(np.sqrt(max(3.0 * least[0], 0.1)))
+        half = max(float(np.sqrt(max(3.0 * least[1], 0.0))) - radius, 0.5) * most[:, 1]
+    else:
         radius = float(np.sqrt(0.5 * (left.area_mm2 + right.area_mm2) / np.pi))
-    start = np.array([*(0.5 * (left.place + right.place)), z, *half, radius])
-    pixels = _pixels(exits, pair)
-    flat, round_ = (fitted(pixels, start, round_=kind, long=long) for kind in (False, True))
-    if flat is None or round_ is None or min(flat.rough, round_.rough) > ROUGHEST:
-        return None
-    if min(flat.sigma_mm[2], round_.sigma_mm[2]) > VAGUE_MM:
-        return None
-    return Spot(flat, round_, cut)
+    return np.array([*(0.5 * (left.place + right.place)), z, *half, radius])
 
 
 def _pixels(exits: tuple[Exits, Exits], pair: tuple[Silhouette, Silhouette]) -> Pixels:

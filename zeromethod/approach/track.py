@@ -35,8 +35,9 @@ FLOOR_MM, FLOOR_SHARE = 0.03, 0.0005
 """Standard deviation of a spot's place at the least: mm and a share of its height."""
 SIZE_MM, SIZE_SHARE = 0.03, 0.005
 """The same of a radius, that no number of spots takes away."""
-UNEVEN = 1.0
-"""Scatter of its radius over the larger of sigma and a tenth, from which nothing comes."""
+UNEVEN, EVEN_SHARE = 1.0, 0.9
+"""How far radii lie from their median, over the larger of sigma and a tenth, from which nothing comes; the
+share of them that must be nearer: one wrong radius of eight is too many, of a dozen is not."""
 CUT_SHARE = 0.3
 """Standard deviation of the middle of what a view cuts, over its reach."""
 COMMON, MOST_FAVOUR = 3.0, 2.0
@@ -69,6 +70,11 @@ class Track:
     def last(self) -> Float:
         """(3,) mm of the newest spot."""
         return self._seen[-1][1].flat.place
+
+    @property
+    def known(self) -> Spot | None:
+        """The newest spot of what comes."""
+        return self._seen[-1][1] if self._armed else None
 
     @property
     def reach_mm(self) -> float:
@@ -169,9 +175,10 @@ def _favour(flat: Body, round_: Body) -> float:
 
 
 def _radius(bodies: list[Body]) -> tuple[float, float, float]:
-    """Radius and its sigma, mm, of the last second, and its scatter over what it may be."""
+    """Radius and its sigma, mm, of the last second, and how far most lie from the median."""
     radii = np.array([one.radius_mm for one in bodies[-30:]])
     sigmas = np.hypot([one.sigma_radius_mm * np.sqrt(max(one.misfit, 1.0)) for one in bodies[-30:]], SIZE_MM)
     mean = float(np.average(radii, weights=sigmas**-2))
-    scatter = np.sqrt(np.mean(((radii - mean) / np.hypot(sigmas, 0.1 * mean)) ** 2))
+    middle = float(np.median(radii))
+    scatter = np.quantile(np.abs(radii - middle) / np.hypot(sigmas, 0.1 * middle), EVEN_SHARE)
     return mean, float(np.hypot((sigmas**-2).sum() ** -0.5, SIZE_MM + SIZE_SHARE * mean)), float(scatter)
