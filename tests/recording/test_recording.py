@@ -172,8 +172,8 @@ def test_every_dataset_states_its_units_and_meaning(truth):
         file.visititems(look)
         assert list(file["steps/table"].attrs["states"])[:2] == ["starting", "resting"]
     assert not silent
-    assert sum(name.endswith("/table") for name in tables) == 12
-    assert sum(name.endswith("/checksums") for name in tables) == 19
+    assert sum(name.endswith("/table") for name in tables) == 13
+    assert sum(name.endswith("/checksums") for name in tables) == 20
 
 
 def test_a_frame_is_one_chunk(truth):
