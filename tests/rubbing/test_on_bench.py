@@ -42,7 +42,8 @@ def run(tmp_path_factory):
     with Session(rig, record=folder / "run.h5") as session:
         steps = list(session.run(seconds=END_S))
         figures = session.figures
-    return steps, figures, Recording(folder / "run.h5")
+    with Recording(folder / "run.h5") as recording:
+        yield steps, figures, recording
 
 
 def statuses(run, from_s, to_s):
