@@ -76,6 +76,27 @@ class SingleNumbers:
     step: ClassVar[float] = 0.01
 
 
+class PixelsOnLine(SingleNumbers):
+    """Pixels (m, 2) on the image of a line. The numbers are distances from it; sigma_px: camera px."""
+
+    pixel: Float
+    sigma_px: float
+
+    @property
+    def measured(self) -> Float:
+        """(m,) zeros: the pixels lie on the line."""
+        return np.zeros(len(self.pixel))
+
+    @property
+    def sigma(self) -> Float:
+        """(m,) camera px."""
+        return np.full(len(self.pixel), self.sigma_px)
+
+    def prepared(self, rig: Rig) -> Self:  # noqa: ARG002 (nothing to choose)
+        """As it is."""
+        return self
+
+
 @dataclass(frozen=True, eq=False)
 class RestPositions(SingleNumbers):
     """The rest map: LCD positions that camera pixels see by the mirror at rest.
@@ -166,7 +187,7 @@ def off_seams(rig: Rig, pixel: Float) -> Mask:
 
 
 @dataclass(frozen=True, eq=False)
-class MirrorEdge(SingleNumbers):
+class MirrorEdge(PixelsOnLine):
     """An edge of the mirror seen in the image.
 
     edge: "P0" or "R0". pixel: (m, 2) camera px on the edge's image (one to three; their errors count as
@@ -185,20 +206,6 @@ class MirrorEdge(SingleNumbers):
     def name(self) -> str:
         """Which edge."""
         return f"edge {self.edge}"
-
-    @property
-    def measured(self) -> Float:
-        """(m,) zeros: the pixels lie on the edge."""
-        return np.zeros(len(self.pixel))
-
-    @property
-    def sigma(self) -> Float:
-        """(m,) camera px."""
-        return np.full(len(self.pixel), self.sigma_px)
-
-    def prepared(self, rig: Rig) -> MirrorEdge:  # noqa: ARG002 (nothing to choose)
-        """As it is."""
-        return self
 
     def predict(self, rig: Rig) -> Float:
         """(m,) camera px from the edge's image, to first order."""

@@ -8,7 +8,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from zeromethod.arrays import Float
-from zeromethod.calibration.measurements import SingleNumbers
+from zeromethod.calibration.measurements import PixelsOnLine
 from zeromethod.calibration.rays import tooth_phase
 from zeromethod.rig.model import Rig
 from zeromethod.warp.grid import NodeGrid
@@ -25,7 +25,7 @@ _APART = 0.6
 
 
 @dataclass(frozen=True, eq=False)
-class ToothSeams(SingleNumbers):
+class ToothSeams(PixelsOnLine):
     """Pixels (m, 2) that lie on seams. The numbers are distances from the nearest seam, camera px along u."""
 
     pixel: Float
@@ -49,20 +49,6 @@ class ToothSeams(SingleNumbers):
             )
             found += [(column, middle) for column in columns]
         return cls(np.array(found), _SIGMA_NODES * grid.spacing_px) if found else None
-
-    @property
-    def measured(self) -> Float:
-        """(m,) zeros: the pixels lie on seams."""
-        return np.zeros(len(self.pixel))
-
-    @property
-    def sigma(self) -> Float:
-        """(m,) camera px."""
-        return np.full(len(self.pixel), self.sigma_px)
-
-    def prepared(self, rig: Rig) -> Self:  # noqa: ARG002 (nothing to choose)
-        """As it is."""
-        return self
 
     def predict(self, rig: Rig) -> Float:
         """(m,) camera px from the nearest seam."""
