@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 import cv2
@@ -98,8 +99,16 @@ class ContactFinder:
             if nulled:
                 self._rest.add(image, residual)
             return ()
-        found = [self._contact(region, surface) for region in self._regions.find(image, residual, self._rest)]
-        return self._track.follow([each for each in found if each is not None], surface.time_ns)
+        found = [each for each in self._found(image, residual, surface) if each is not None]
+        return self._named(found, surface)
+
+    def _found(self, image: Image, residual: Residual, surface: Surface) -> Iterable[Contact | None]:
+        """What is seen in this frame by itself, largest first."""
+        regions = self._regions.find(image, residual, self._rest)
+        return (self._contact(region, surface) for region in regions)
+
+    def _named(self, found: list[Contact], surface: Surface) -> tuple[Contact, ...]:
+        return self._track.follow(found, surface.time_ns)
 
     def carry(
         self, surface: Surface, deepest: Peak, contacts: tuple[Contact, ...], fit: ForceFit | None

@@ -8,6 +8,8 @@ its area only roughly, as right beside it the mirror bends too fast for a node's
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import cv2
 import numpy as np
 
@@ -40,20 +42,16 @@ _NOTHING = Probability(0, 0, np.zeros((0, 0), np.float32))
 class ThreadFinder(ContactFinder):
     """Finds what presses a cloth on the mirror; used as a `ContactFinder`."""
 
-    def follow(
-        self, image: Image, residual: Residual, surface: Surface, *, nulled: bool, exposure_ns: int = 0
-    ) -> tuple[Contact, ...]:
-        """Contacts of the next frame, largest first; as `ContactFinder.follow`."""
-        if exposure_ns:
-            self._rest.expose(exposure_ns)
-        if not self._rest.known:
-            if nulled:
-                self._rest.add(image, residual)
-            return ()
+    def _found(
+        self,
+        image: Image,  # noqa: ARG002 (grey levels say nothing under a picture)
+        residual: Residual,
+        surface: Surface,
+    ) -> Iterable[Contact | None]:
         left = self._rest.left(residual)
         near = np.argwhere(left < LEFT_SHARE)
         if len(near) < _LEAST_NODES:
-            return self._named([], surface)
+            return []
         (row, col), (last_row, last_col) = np.maximum(near.min(axis=0) - 2, 0), near.max(axis=0) + 3
         part = np.ascontiguousarray(left[row:last_row, col:last_col])
         size = part.shape[1] * _FINE, part.shape[0] * _FINE
@@ -64,8 +62,7 @@ class ThreadFinder(ContactFinder):
             for k in range(1, count)
             if stats[k, cv2.CC_STAT_AREA] >= _LEAST_NODES * _FINE**2
         ]
-        known = sorted((one for one in found if one is not None), key=lambda one: -one.area_mm2)
-        return self._named(known, surface)
+        return sorted((one for one in found if one is not None), key=lambda one: -one.area_mm2)
 
     def carry(
         self, surface: Surface, deepest: Peak, contacts: tuple[Contact, ...], fit: ForceFit | None
@@ -75,7 +72,7 @@ class ThreadFinder(ContactFinder):
         return surface, deepest, carried[: len(contacts)]
 
     def _named(self, found: list[Contact], surface: Surface) -> tuple[Contact, ...]:
-        named = self._track.follow(found, surface.time_ns)
+        named = super()._named(found, surface)
         known = {id(one.outline_mm) for one in named}
         self.unnamed = tuple(one for one in found if id(one.outline_mm) not in known)
         return named
