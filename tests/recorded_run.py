@@ -12,8 +12,9 @@ from benchmarks.against_peers.open_loop import coarser
 from zeromethod import Loop, Optics, Peak, Rig, Step, Surface, SurfaceReader, load_rig, open_devices, peak
 from zeromethod.devices.abilities import script_of
 from zeromethod.recording.checksums import canonical, checksum_of, checksums_of
+from zeromethod.recording.columns import TABLES
 from zeromethod.recording.recorder import Recorder
-from zeromethod.recording.schema import KEEP, TABLES
+from zeromethod.recording.schema import KEEP
 from zeromethod.session.uneven_rest import UnevenRest
 
 

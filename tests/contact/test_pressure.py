@@ -22,7 +22,7 @@ from planted_dents import (
 from zeromethod import InputError, load_rig
 from zeromethod.contact import Contact, PressureMap, evenly, pressure_map
 from zeromethod.mechanics.yielding import Layer
-from zeromethod.recording.schema import CONTACTS, OUTLINE_POINTS, row_dtype
+from zeromethod.recording.columns import CONTACTS, OUTLINE_POINTS, row_dtype
 
 DEPTH_MM = 0.02
 

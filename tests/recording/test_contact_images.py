@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from zeromethod.contact import ContactImage
+from zeromethod.recording.columns import CONTACT_IMAGES, row_dtype
 from zeromethod.recording.contact_images import MOST_TILES, TILE_PX, images, tiles
-from zeromethod.recording.schema import CONTACT_IMAGES, row_dtype
 
 
 class WithImage:

@@ -12,8 +12,8 @@ import numpy as np
 
 from zeromethod.atomic_write import atomic_write
 from zeromethod.export.selection import SelectedSteps
+from zeromethod.recording.columns import CONTACT_STATUS
 from zeromethod.recording.recording import Recording
-from zeromethod.recording.schema import CONTACT_STATUS
 
 COLUMNS = (
     *("time_s", "depth_mm", "depth_sigma_mm", "x_mm", "y_mm", "x_sigma_mm", "y_sigma_mm"),

@@ -23,8 +23,9 @@ from zeromethod.operating.readings import (
 from zeromethod.page.fine_maps import FineMaps
 from zeromethod.page.message import Content, Said
 from zeromethod.page.run_content import lattice_of, residual_maps, surface_maps
+from zeromethod.recording.columns import CONTACTS
 from zeromethod.recording.recording import Recording
-from zeromethod.recording.schema import CONTACTS, STATES
+from zeromethod.recording.schema import STATES
 from zeromethod.rubbing import ContactStatus
 from zeromethod.surface import Surface
 

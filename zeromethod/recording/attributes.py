@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from zeromethod.recording.checksums import canonical, checksum_of
+from zeromethod.recording.columns import LATER, TABLES
 from zeromethod.recording.opening import Refusal, RefusedRecording
-from zeromethod.recording.schema import LATER, LIGHT_ARRAYS, SCHEMA, SCHEMA_VERSION, TABLES
+from zeromethod.recording.schema import LIGHT_ARRAYS, SCHEMA, SCHEMA_VERSION
 from zeromethod.recording.source import RecordingFile
 
 

@@ -14,9 +14,10 @@ from zeromethod.interactive.pointers import PointerEvent
 from zeromethod.loop.call import Call
 from zeromethod.loop.drawing import Drawn
 from zeromethod.loop.step import Step
+from zeromethod.recording.columns import OUTLINE_POINTS
 from zeromethod.recording.contact_images import tiles
 from zeromethod.recording.message import Write
-from zeromethod.recording.schema import ANCHORS, EVENTS, OUTLINE_POINTS, STATES, Part, number_name
+from zeromethod.recording.schema import ANCHORS, EVENTS, STATES, Part, number_name
 from zeromethod.rubbing import ContactStatus
 from zeromethod.surface import Surface
 

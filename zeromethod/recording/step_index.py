@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from zeromethod.arrays import Ints
+from zeromethod.recording.columns import TABLES
 from zeromethod.recording.damage import damaged_items
-from zeromethod.recording.schema import TABLES, number_name
+from zeromethod.recording.schema import number_name
 from zeromethod.recording.source import RecordingFile
 
 

@@ -7,22 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from zeromethod.arrays import Image
+from zeromethod.recording.columns import CONTACTS, TABLES, row_dtype
 from zeromethod.recording.opening import Refusal, RefusedRecording
 from zeromethod.recording.peaks import peak_table
-from zeromethod.recording.schema import (
-    ANCHORS,
-    APPROACHES,
-    CALLS,
-    CONTACT_IMAGES,
-    CONTACT_STATUS,
-    CONTACTS,
-    EVENTS,
-    FINE_PEAKS,
-    POINTERS,
-    STATES,
-    AnchorMode,
-    row_dtype,
-)
+from zeromethod.recording.schema import ANCHORS, EVENTS, STATES, AnchorMode
 from zeromethod.recording.source import RecordingFile
 
 
@@ -66,11 +54,15 @@ class Tables:
             self._peaks = peak_table(rows if len(start_ns) else rows[:0], start_ns)
         return self._peaks
 
+    def _later(self, name: str) -> Image:
+        """Rows of one of `LATER`, none where the file has no such table."""
+        if f"{name}/table" in self._source.names:
+            return self.rows(name)
+        return np.zeros(0, row_dtype(TABLES[name][0]))
+
     def contacts(self) -> Image:
         """Rows of the table of contacts; none where the file has no such table."""
-        if "contacts/table" not in self._source.names:
-            return np.zeros(0, row_dtype(CONTACTS))
-        rows = self.rows("contacts")
+        rows = self._later("contacts")
         whole = np.zeros(len(rows), row_dtype(CONTACTS))
         for name in CONTACTS:
             # files made before there were forces have no such columns
@@ -79,39 +71,27 @@ class Tables:
 
     def contact_images(self) -> Image:
         """Rows of the table of contacts' images; none where the file has no such table."""
-        if "contact_images/table" not in self._source.names:
-            return np.zeros(0, row_dtype(CONTACT_IMAGES))
-        return self.rows("contact_images")
+        return self._later("contact_images")
 
     def fine_peaks(self) -> Image:
         """Rows of the table of fine surfaces' peaks; none where the file has no such table."""
-        if "fine_peaks/table" not in self._source.names:
-            return np.zeros(0, row_dtype(FINE_PEAKS))
-        return self.rows("fine_peaks")
+        return self._later("fine_peaks")
 
     def approaches(self) -> Image:
         """Rows of the table of what comes; none where the file has no such table."""
-        if "approaches/table" not in self._source.names:
-            return np.zeros(0, row_dtype(APPROACHES))
-        return self.rows("approaches")
+        return self._later("approaches")
 
     def contact_status(self) -> Image:
         """Rows of the table of how a texture rubs; none where the file has no such table."""
-        if "contact_status/table" not in self._source.names:
-            return np.zeros(0, row_dtype(CONTACT_STATUS))
-        return self.rows("contact_status")
+        return self._later("contact_status")
 
     def pointers(self) -> Image:
         """Rows of the table of pointer events; none where the file has no such table."""
-        if "pointers/table" not in self._source.names:
-            return np.zeros(0, row_dtype(POINTERS))
-        return self.rows("pointers")
+        return self._later("pointers")
 
     def calls(self) -> Image:
         """Rows of the table of calls; none where the file has no such table."""
-        if "calls/table" not in self._source.names:
-            return np.zeros(0, row_dtype(CALLS))
-        return self.rows("calls")
+        return self._later("calls")
 
     def damaged_steps(self, name: str) -> set[int]:
         """Steps whose row of "steps" or "peaks" is left out, as far as it still says which step it is of."""
