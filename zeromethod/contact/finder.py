@@ -157,13 +157,17 @@ class ContactFinder:
         if not contacts:
             return contacts
         mean, drift = self._rest.mean, self._rest.drift(residual)
-        placed = ((contact, places_of(contact, surface, self._grid)) for contact in contacts)
-        return tuple(
-            contact
-            if places is None
-            else replace(contact, image=image_of(contact, image, mean, drift, self._black, places))
-            for contact, places in placed
-        )
+        with_image = []
+        for contact in contacts:
+            places = places_of(contact, surface, self._grid)
+            if places is not None:
+                seen = image_of(contact, image, mean, drift, self._black, places)
+                at = np.array([contact.x_mm, contact.y_mm])
+                sunk = at - self._places.at_rest(places.pixels(*at[:, None])[0])[0]
+                seen = replace(seen, sunk_x_mm=float(sunk[0]), sunk_y_mm=float(sunk[1]))
+                contact = replace(contact, image=seen)  # noqa: PLW2901 - the same with its image
+            with_image.append(contact)
+        return tuple(with_image)
 
     def _contact(self, region: Region, surface: Surface) -> Contact | None:
         edge = _outline(region)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -23,6 +23,7 @@ _REACH, _RING_PX = 2.0, 2
 """How far a border is blurred, in standard deviations of the blur, and how wide what lies beside it is."""
 _LEAST_PX = 5
 _FEWEST, _FEWEST_PX = 3, 400
+_MARGIN_PX = 12
 _EDGE_PX = 0.15
 """Standard deviation of a spot's border, by the blur of pixel, pupil and what lies beside."""
 
@@ -33,7 +34,7 @@ class Spots:
 
     cover: (rows, cols) share of a pixel in contact, 0 out of `looked`, the area looked at. labels: of the
     spots in contact, 0 beside. pitch_mm, x_mm, y_mm: side of a pixel, world place of the middle of pixel
-    (0, 0). places_mm: (n, 2) centroids, sizes_mm2, cut: (n,), the last where a spot reaches out of that area.
+    (0, 0). sunk_mm: (2,) how far it is off by the mirror's depth (`ContactImage`). places_mm: (n, 2) centroids, sizes_mm2, cut: (n,), the last where a spot reaches out of that area.
     edge_mm: length of all borders.
     """
 
@@ -43,6 +44,7 @@ class Spots:
     pitch_mm: float
     x_mm: float
     y_mm: float
+    sunk_mm: Float
     places_mm: Float
     sizes_mm2: Float
     cut: Mask
@@ -66,10 +68,12 @@ def spots_of(contact: Contact, blur_px: float) -> Spots | str:
     image = contact.image
     if image is None:
         return "its place in mm is not known"
-    light = np.asarray(cv2.medianBlur(np.nan_to_num(image.light, nan=1.0), 3), np.float32)
     inside = _within(image, contact)
     if np.count_nonzero(inside) < _FEWEST_PX:
         return "too small to look at"
+    image, inside = _cropped(image, inside)
+    raw = np.nan_to_num(image.light, nan=1.0)
+    light = np.asarray(cv2.medianBlur(raw, 3), np.float32)
     tip = _level(light[inside])
     inside &= _lit(light, tip, image.mm_per_px)
     if np.count_nonzero(inside) < _FEWEST_PX:
@@ -82,7 +86,6 @@ def spots_of(contact: Contact, blur_px: float) -> Spots | str:
     if numbers.size < _FEWEST:
         return f"fewer than {_FEWEST} spots in contact"
     looked = inside & _hull(labels > 0)
-    raw = np.nan_to_num(image.light, nan=1.0)
     return _measured(
         image, np.asarray((labels > 0) & looked), looked, _covered(raw, labels > 0, tip, blur_px)
     )
@@ -107,7 +110,7 @@ def _covered(light: Single, seed: Mask, tip: float, blur_px: float) -> Single:
     weight = cv2.GaussianBlur(ring, (0, 0), reach)
     beside = cv2.GaussianBlur(ring * light, (0, 0), reach) / np.maximum(weight, 1e-6)
     share = (beside - light) / np.maximum(beside - tip, 0.1)
-    return np.where(grown[0] & (weight > 1e-3), np.clip(share, 0, 1), seed).astype(np.float32)
+    return np.where(grown[0] & (weight > 1e-3), np.clip(share, -0.5, 1.5), seed).astype(np.float32)
 
 
 def _measured(image: ContactImage, seed: Mask, looked: Mask, covered: Single) -> Spots:
@@ -128,7 +131,8 @@ def _measured(image: ContactImage, seed: Mask, looked: Mask, covered: Single) ->
     cut[labels[rim]] = True
     # steps along both axes are 4 / pi times as many as a border is long
     border = 0.25 * np.pi * edge * pitch
-    return Spots(cover, looked, labels, pitch, image.x_mm, image.y_mm, places, sizes, cut[1:], border)
+    sunk: Float = np.array([image.sunk_x_mm, image.sunk_y_mm])
+    return Spots(cover, looked, labels, pitch, image.x_mm, image.y_mm, sunk, places, sizes, cut[1:], border)
 
 
 def _within(image: ContactImage, contact: Contact) -> Mask:
@@ -136,6 +140,16 @@ def _within(image: ContactImage, contact: Contact) -> Mask:
     own = (image.inside(contact.outline_mm) & np.isfinite(image.light)).astype(np.uint8)
     away = cv2.distanceTransform(np.pad(own, 1), cv2.DIST_L2, 5)[1:-1, 1:-1]
     return np.asarray(away * image.mm_per_px > RIM_MM)
+
+
+def _cropped(image: ContactImage, inside: Mask) -> tuple[ContactImage, Mask]:
+    """The part of an image about `inside`, and that of `inside`."""
+    left, top, width, height = cv2.boundingRect(inside.view(np.uint8))
+    first_col, first_row = max(left - _MARGIN_PX, 0), max(top - _MARGIN_PX, 0)
+    part = slice(first_row, top + height + _MARGIN_PX), slice(first_col, left + width + _MARGIN_PX)
+    x, y = image.x_mm + image.mm_per_px * first_col, image.y_mm + image.mm_per_px * first_row
+    cut = replace(image, light=np.ascontiguousarray(image.light[part]), x_mm=x, y_mm=y)
+    return cut, np.ascontiguousarray(inside[part])
 
 
 def _lit(light: Single, tip: float, mm_per_px: float) -> Mask:
