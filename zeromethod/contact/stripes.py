@@ -102,9 +102,8 @@ def wave(light: Float, cycles: Float) -> float:
 def refined(light: Float, cycles: Float) -> Float:
     """The strongest wave's (2,) cycles, of light (rows, cols), to a fraction of the spectrum's step."""
     size = max(light.shape)
-    of = light.astype(np.complex128)
     found = scipy.optimize.minimize(
-        lambda off: -wave(of, cycles + off / size), np.zeros(2), method="Nelder-Mead",
+        lambda off: -wave(light, cycles + off / size), np.zeros(2), method="Nelder-Mead",
         options={"initial_simplex": np.array([[0.0, 0.0], [0.2, 0.0], [0.0, 0.2]])},
     )  # fmt: skip
     return np.asarray(cycles + found.x / size)

@@ -20,7 +20,7 @@ _SIGMAS = 4.0
 PLACED_MM, PLACED_SHARE = 0.003, 0.01
 """Standard deviation of images' own places, from frame to frame and over a way."""
 _SUNK_SHARE = 0.6
-"""Of what a change of depth moved the image by: how much of it is real is not known, anything from none on."""
+"""Standard deviation over what a change of depth moved an image by: none of that may be real, or all."""
 _BLUR_PX = 1.5
 _PASSES = 4
 _ALIKE_PX2, _ALIKE_HALVES = 30.0, 8.0
@@ -43,8 +43,8 @@ def moved(first: Spots, second: Spots, about_mm: Float | None = None) -> Moved |
     be off; what it seems to have changed by is in sigma.
     """
     pitch = first.pitch_mm
-    smooth, other = (cv2.GaussianBlur(one, (0, 0), _BLUR_PX) for one in (first.cover, second.cover))
-    other, looked = _on_pitch_of(second, other, pitch)
+    smooth = _smooth(first.cover)
+    other, looked = _on_pitch_of(second, pitch)
     sunk = second.sunk_mm - first.sunk_mm
     origin = np.array([second.x_mm - first.x_mm, second.y_mm - first.y_mm]) - sunk
     clear = True
@@ -52,8 +52,9 @@ def moved(first: Spots, second: Spots, about_mm: Float | None = None) -> Moved |
         shift = (about_mm - origin) / pitch
     else:
         # what is smooth has all its shape on every other pixel
-        halves = [one[::2, ::2] for one in (smooth, first.looked, other, looked)]
-        found = _best(correlation(*halves), halves[0].shape)
+        every = np.s_[::2, ::2]
+        likeness = correlation(smooth[every], first.looked[every], other[every], looked[every])
+        found = _best(likeness, smooth[every].shape)
         if found is None:
             return None
         shift, clear = 2 * found[0], found[1]
@@ -101,12 +102,16 @@ def _tops(likeness: Float) -> Float:
     return result
 
 
-def _on_pitch_of(spots: Spots, smooth: Single, pitch_mm: float) -> tuple[Single, Mask]:
+def _smooth(cover: Single) -> Single:
+    return np.asarray(cv2.GaussianBlur(cover, (0, 0), _BLUR_PX), np.float32)
+
+
+def _on_pitch_of(spots: Spots, pitch_mm: float) -> tuple[Single, Mask]:
     """(smooth cover, looked) on pixels of another side, from the same first pixel on."""
     scale = spots.pitch_mm / pitch_mm
     rows, cols = (int(np.ceil((n - 1) * scale)) + 1 for n in spots.cover.shape)
     turn = np.array([[scale, 0, 0], [0, scale, 0]], dtype=np.float64)
-    cover = cv2.warpAffine(smooth, turn, (cols, rows), flags=cv2.INTER_LINEAR)
+    cover = cv2.warpAffine(_smooth(spots.cover), turn, (cols, rows), flags=cv2.INTER_LINEAR)
     looked = cv2.warpAffine(spots.looked.view(np.uint8), turn, (cols, rows), flags=cv2.INTER_NEAREST)
     return np.asarray(cover, np.float32), np.asarray(looked > 0)
 

@@ -7,7 +7,6 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from zeromethod.arrays import Float
 from zeromethod.contact.stripes import refined, strongest, wave
 from zeromethod.rubbing.spots import Spots
 
