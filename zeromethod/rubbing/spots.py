@@ -27,7 +27,7 @@ _FEWEST, _FEWEST_PX = 3, 400
 _MARGIN_PX = 12
 _GREY_PX = 0.1, 0.08
 """How much further out a spot's border seems than it is, and its standard deviation, as steep rubber beside
-it looks past the white light: not at all where that is wider than the blur, 0.2 pixels where it is as wide."""
+it looks past the white light: none where that is wider than the blur, 0.2 pixels where it is as wide."""
 _MIDDLE = 1.35
 """Standard deviations of a blur in which a border goes through its middle half."""
 
