@@ -158,6 +158,7 @@ def turned_by_a_pixel_deg(bench: Rig) -> float:
     camera = bench.camera
     if camera.focal_px is not None:
         return float(np.degrees(1.0 / camera.focal_px[0]))
+    assert camera.pixel_mm is not None
     away = np.subtract(camera.look_at_mm, camera.position_mm)
     return float(np.degrees(camera.pixel_mm / np.linalg.norm(away)))
 
