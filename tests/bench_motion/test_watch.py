@@ -148,6 +148,17 @@ def test_a_bench_that_moves_under_a_held_press_is_named_and_is_drift(
     assert np.linalg.norm(one.drift - motion) < 0.05 * np.linalg.norm(motion) + 0.01
 
 
+def test_a_bench_that_still_moves_under_a_held_press_is_named(bench, watch):
+    """An LCD that slides by 0.1 px a frame: no two frames agree."""
+    noise, one = np.random.default_rng(5), watch()
+    dent, rest_q = Gauss(0.15, bench.centre_mm, 0.0, 5.0), Rest.of(bench.rig, bench.optics).q
+    for frame in range(24):
+        true = bumped(bench.rig, slid_mm=(0.006 * max(frame - 16, 0), 0))
+        one.look(seen(bench, dent, noise, true), rest_q)
+        assert frame > 16 or not one.moved
+    assert one.moved
+
+
 def test_presses_that_grow_or_slide_are_no_motion(bench, watch):
     noise, rest_q = np.random.default_rng(4), Rest.of(bench.rig, bench.optics).q
     for size_mm, speed in ((5.0, 0.002), (12.0, 0.02), (30.0, 0.3)):
@@ -174,6 +185,21 @@ def test_slow_drift_stays_in_sigma_and_is_named(bench):
             beyond = beyond + 1 if z > 3.0 else 0
             assert beyond <= 10
     assert reader._drift.watch.moved
+
+
+def test_what_a_bench_does_under_a_held_press_is_in_the_sigma_of_a_passive_reading(bench):
+    """An LCD slid by 0.3 px: the picture of a held press is never nulled there."""
+    noise, rest_q = np.random.default_rng(6), Rest.of(bench.rig, bench.optics).q
+    passive = with_tables(bench.rig, control={"controller": "passive"})
+    reader = SurfaceReader(passive, bench.optics, bench.grid)
+    dent, true = Gauss(0.15, bench.centre_mm, 0.0, 5.0), bumped(bench.rig, slid_mm=(0.018, 0))
+    for frame in range(20):
+        warp = seen(bench, dent, noise, true if frame >= 16 else None)
+        surface = reader.read(warp.with_left(rest_q, None, None))
+    good = surface.valid
+    error = surface.depth_mm[good] - dent.depth(surface.x_mm[good], surface.y_mm[good])
+    assert np.mean(np.abs(error) > 3 * surface.sigma_depth_mm[good]) < 0.01
+    assert np.abs(error).max() > 0.0005  # ten times and more the noise of a frame
 
 
 def test_a_pan_of_one_px_at_rest_is_never_read_with_a_small_sigma(bench):
