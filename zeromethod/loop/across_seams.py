@@ -113,7 +113,11 @@ class _Rows:
         count, numbers = cv2.connectedComponents(seam.astype(np.uint8))
         self.seams: Ints = numbers.astype(np.int64)
         self.valid: Mask = (flags[inner] == 0) & ~seam
-        periods = grid.period_px / grid.spacing_px * np.stack(np.gradient(rest.q, axis=(1, 0)), axis=-1)
+        periods = (
+            grid.period_px
+            / grid.spacing_px
+            * np.stack([np.gradient(rest.q, axis=k) for k in (1, 0)], axis=-1)
+        )
         slopes = (seams.slope_per_px @ periods[inner])[rest.visible[inner]]
         per_slope = np.linalg.inv(np.median(slopes, axis=0))
         self.slopes: Float = np.einsum(
