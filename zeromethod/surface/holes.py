@@ -61,10 +61,12 @@ def deeper_inside_mm(surface: Surface, measured: Mask, fitted: Mask, depth_mm: f
 
 
 class _Holes:
-    """Unknown nodes (n,) in holes with measured ones all around. away_mm: (n, 2) from the next measured node."""
+    """Unknown nodes (n,) in holes that measured ones enclose. away_mm: (n, 2) from the next measured node."""
 
     def __init__(self, surface: Surface, unknown: Mask, away_mm: Float) -> None:
-        _, labels, stats, _ = cv2.connectedComponentsWithStats((~surface.valid).view(np.uint8), connectivity=4)
+        _, labels, stats, _ = cv2.connectedComponentsWithStats(
+            (~surface.valid).view(np.uint8), connectivity=4
+        )
         rows, cols = unknown.shape
         left, top, width, height = stats.T[:4]
         enclosed = (left > 0) & (top > 0) & (left + width < cols) & (top + height < rows)
