@@ -68,7 +68,9 @@ def see_projection(
             if one.trouble:
                 raise MeasurementError(one.trouble)
         taken = patterns.after(now_ns() + wait_ns, frames)
-        seen = turns[number % SHIFTS] * _blocks(np.sum([frame.image for frame in taken], axis=0, dtype=np.float64))
+        seen = turns[number % SHIFTS] * _blocks(
+            np.sum([frame.image for frame in taken], axis=0, dtype=np.float64)
+        )
         if number % SHIFTS == 0:
             sets.append(seen)
         else:
