@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
+import cv2
 import numpy as np
 
 from benchmarks.calibration_benches import View
@@ -18,6 +20,8 @@ NARROWEST_MM = 4.0
 MOST_SLOPE, DEEPEST_MM = 0.012, 0.3
 _STEP_PX = 2
 """Distance of the rays: next to the rim of a ball's contact the mirror bends within less than a node."""
+_SEAM_STEPS, _SHALLOWER = 5, 0.7
+"""Of a saw: rays at a seam's jump are fewer; and how much less deep a press is until it can be nulled."""
 
 
 def any_press(view: View, draw: np.random.Generator) -> tuple[Dent, ...]:
@@ -42,4 +46,21 @@ def can_be_nulled(rig: Rig, dents: Sequence[Dent]) -> bool:
     size = rig.display.columns, rig.display.rows
     at_rest, pressed = (warp_flags(one, rest, period, size, spacing_px=_STEP_PX) for one in (rest, q))
     seen = (at_rest == 0) & np.isfinite(q).all(axis=-1)
-    return not np.any(pressed[seen] & np.uint16(Flag.FOLDED | Flag.UNDRAWABLE))
+    bad = seen & (pressed & np.uint16(Flag.FOLDED | Flag.UNDRAWABLE) != 0)
+    if rig.prism.teeth is not None:
+        bad = cv2.morphologyEx(bad.view(np.uint8), cv2.MORPH_OPEN, np.ones((1, _SEAM_STEPS), np.uint8)) > 0
+    return not bad.any()
+
+
+def shallow_enough(rig: Rig, dents: Sequence[Dent]) -> tuple[Dent, ...]:
+    """Presses of the same width that the rig can null whole; a ball's contact stays as wide."""
+    while not can_be_nulled(rig, dents):
+        dents = [
+            replace(
+                one,
+                depth_mm=_SHALLOWER * one.depth_mm,
+                size_mm=one.size_mm / (_SHALLOWER if one.shape is Shape.BALL else 1.0),
+            )
+            for one in dents
+        ]
+    return tuple(dents)

@@ -10,7 +10,8 @@ sigma of calipers.
 A run is judged frame by frame from the fault on. What a fault does is the error of the peak over its stated
 sigma; a fault whose effect exceeds 3 must be named: within 10 frames of it the state is neither locked nor
 resting. No honest run may be named. Nodes are counted in every frame that is called good. --rig printed is
-read passively: there *passive* counts as locked.
+read passively: there *passive* counts as locked. --rig thin has pixels twice as large, and presses less deep,
+until its saw can null them.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ from benchmarks.calibration_benches import (
 )
 from benchmarks.calibration_study import KNOWN_MM
 from benchmarks.fault_tour import LIGHTS
-from benchmarks.hand_presses import any_press, can_be_nulled
+from benchmarks.hand_presses import any_press, can_be_nulled, shallow_enough
 from benchmarks.parts import Parts, part_options
 from benchmarks.report import Figure, Report, benchmark, start
 from benchmarks.rigs import changed, coarser
@@ -140,15 +141,31 @@ def honest(benches: Sequence[tuple[Rig, int | None]], count: int) -> Iterator[Ca
         name = "honest, known geometry" if calibration is None else "honest, calibrated"
         seeded = changed(bench, simulation={"seed": number})
         dents = any_press(views[number % len(benches)], draw)
+        if bench.prism.teeth is not None:
+            dents = shallow_enough(bench, dents)
         kind = name if can_be_nulled(bench, dents) else BEYOND
         yield Case(kind, seeded, bench, dents, calibration=calibration)
 
 
+def middle_press(bench: Rig) -> Dent:
+    """A press in the middle of the view, as deep as the bench nulls within the frames before a fault."""
+    depth_mm = 0.15 if bench.prism.teeth is None else 0.05
+    return Dent(Shape.GAUSSIAN, *View(bench).place(0.5, 0.5), depth_mm, 5.0)
+
+
+def turned_by_a_pixel_deg(bench: Rig) -> float:
+    """Turn of the camera that moves the view by a pixel."""
+    camera = bench.camera
+    if camera.focal_px is not None:
+        return float(np.degrees(1.0 / camera.focal_px[0]))
+    assert camera.pixel_mm is not None
+    away = np.subtract(camera.look_at_mm, camera.position_mm)
+    return float(np.degrees(camera.pixel_mm / np.linalg.norm(away)))
+
+
 def bumps(bench: Rig, believed: Rig) -> Iterator[Case]:
     """Camera and LCD moved in mid-run, at rest and under a press, at once and slowly."""
-    assert bench.camera.focal_px is not None
-    pixel_deg = float(np.degrees(1.0 / bench.camera.focal_px[0]))
-    middle = Dent(Shape.GAUSSIAN, *View(bench).place(0.5, 0.5), 0.15, 5.0)
+    pixel_deg, middle = turned_by_a_pixel_deg(bench), middle_press(bench)
     motions: list[tuple[str, Callable[[float], dict[str, Any]]]] = [
         ("pan", lambda px: {"camera_turned_deg": (px * pixel_deg, 0.0, 0.0)}),
         ("tilt", lambda px: {"camera_turned_deg": (0.0, px * pixel_deg, 0.0)}),
@@ -172,7 +189,7 @@ def uncalibrated(believed: Rig) -> Iterator[Case]:
     """Benches off by some sigma of calipers in every parameter, by one who never calibrated."""
     priors, middle = Priors.of(believed), describe(believed)
     draw = np.random.default_rng([SEED, 1])
-    dent = Dent(Shape.GAUSSIAN, *View(believed).place(0.5, 0.5), 0.15, 5.0)
+    dent = middle_press(believed)
     for sigmas in CALIPERS:
         for _ in range(20):
             away = sigmas * priors.sigma * draw.choice([-1.0, 1.0], len(priors.names))
@@ -287,7 +304,7 @@ def report(count: int, *, faults: bool, parts: Parts, light: str = "lcd", name: 
     light: one of `LIGHTS`. name: a packaged rig. With others than the LCD alone and the packaged bench the
     bench is that of the rig file.
     """
-    known = coarser(load_rig(name), 4).model_copy(update={"scenario": "none"})
+    known = coarser(load_rig(name), 2 if name == "thin" else 4).model_copy(update={"scenario": "none"})
     with parts.folder() as folder:
         calibrate = functools.cache(functools.partial(calibrated, folder))
         benches: list[tuple[Rig, int | None]] = []
@@ -374,7 +391,11 @@ def _early(runs: Sequence[Outcome], state: str) -> Figure:
     click.option("--faults/--no-faults", default=True, help="Plant the faults, too."),
     click.option("--light", type=click.Choice(list(LIGHTS)), default="lcd", help="What else shines."),
     click.option(
-        "--rig", "name", type=click.Choice(["simulated", "printed"]), default="simulated", help="The bench."
+        "--rig",
+        "name",
+        type=click.Choice(["simulated", "printed", "thin"]),
+        default="simulated",
+        help="The bench.",
     ),
     part_options,
 )

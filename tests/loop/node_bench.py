@@ -115,7 +115,7 @@ class NodeBench:
         self.shown = 0
         self.now_s = 0.0
 
-    def run(self, frames: int) -> Iterator[FrameResult]:
+    def run(self, frames: int, frozen: bool = False) -> Iterator[FrameResult]:
         self._show()
         number = -1
         for _ in range(frames):
@@ -128,7 +128,7 @@ class NodeBench:
             mid_s = start_s + 0.5 * self.exposure_s
             frame = Frame(self._expose(start_s), round(1e9 * mid_s), round(1e9 * self.exposure_s), number)
             self.mid_s = mid_s
-            taken = self.circle.take(frame)
+            taken = self.circle.take(frame, frozen)
             if taken.changed:
                 self._show()
             yield taken

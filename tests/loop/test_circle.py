@@ -11,6 +11,7 @@ from zeromethod.loop.events import Event
 from zeromethod.loop.rest_memory import RestMemory
 from zeromethod.loop.state import LOCK_RESIDUAL_PX
 from zeromethod.rig.model import ControlSpec
+from zeromethod.sensing.residual import Residual
 
 REST = rest_warp(192)
 SMALL = {"sigma_px": 32.0}
@@ -121,6 +122,16 @@ def test_no_phase_rate_or_exposure_starves_the_loop(phase, refresh_hz, exposure_
     )
     frames = frames_to_null(bench, frames=26)
     assert frames <= 8  # delay of up to two frames: twice that, and four
+
+
+@pytest.mark.parametrize(("peak_lcd_px", "learned"), [(0.0, True), (6.0, False)])
+def test_a_frozen_loop_learns_the_light_of_the_mirror_at_rest_and_of_no_other(peak_lcd_px, learned):
+    bench = NodeBench(REST, step(peak_lcd_px, at_s=0.0))
+    taught: list[Residual] = []
+    bench.circle._lost_light.learn = taught.append  # type: ignore[method-assign]
+    for _ in bench.run(12, frozen=True):
+        pass
+    assert bool(taught) is learned
 
 
 def test_mixed_pictures_freeze_the_command_and_are_flagged():

@@ -6,7 +6,7 @@ import pytest
 
 from zeromethod import Event, binned, load_rig
 from zeromethod.devices.protocols import Frame
-from zeromethod.loop.frame_check import FrameCheck
+from zeromethod.loop.frame_check import SEAM_FRAMES, FrameCheck
 from zeromethod.rig.model import CameraSpec, Noise
 
 CAMERA = binned(load_rig("simulated"), 8).camera
@@ -80,6 +80,47 @@ def test_a_part_left_from_the_frame_before_is_a_tear():
     assert verdict.events == (Event.FRAME_TORN,)
     assert "50 %" in verdict.refusal.words
     assert check.look_at(frame(3), 61 * MS).refusal is None
+
+
+def carrier(shift_px: float = 0.0) -> np.ndarray:
+    """What a camera sees of the target, displaced."""
+    v, u = np.indices(SHAPE)
+    light = 100 + 40 * np.cos(np.pi / 8 * (u + shift_px)) + 40 * np.cos(np.pi / 8 * v)
+    return np.clip(light + RNG.normal(0, 2, SHAPE), 0, 255).astype(np.uint8)
+
+
+def torn_once() -> FrameCheck:
+    check, old, new, half = fresh(), carrier(), carrier(), SHAPE[0] // 2
+    check.look_at(frame(1, old), 27 * MS)
+    new[half:] = old[half:]
+    assert check.look_at(frame(2, new), 44 * MS).events == (Event.FRAME_TORN,)
+    return check
+
+
+@pytest.mark.parametrize("shift_px", [-2.0, 0.5, 7.0])
+def test_a_missing_half_that_comes_with_the_next_frame_is_a_tear_too(shift_px):
+    check, later = torn_once(), carrier(shift_px)
+    later[SHAPE[0] // 2 :] = carrier()[SHAPE[0] // 2 :]
+    verdict = check.look_at(frame(3, later), 61 * MS)
+    assert verdict.events == (Event.FRAME_TORN,)
+    assert "two frames meet" in verdict.refusal.words
+    assert check.look_at(frame(4, carrier(shift_px)), 78 * MS).refusal is None
+
+
+def test_whole_frames_after_a_tear_are_used():
+    check = torn_once()
+    for number in range(3, 203):
+        shift_px = 0.05 * number
+        assert check.look_at(frame(number, carrier(shift_px)), LATER_NS * number).refusal is None
+
+
+def test_an_edge_where_a_frame_was_torn_stops_a_few_frames_only():
+    check, refused = torn_once(), 0
+    for number in range(3, 20):
+        pixels = carrier()
+        pixels[SHAPE[0] // 2 :, : SHAPE[1] // 4] = 20  # a contact
+        refused += check.look_at(frame(number, pixels), LATER_NS * number).refusal is not None
+    assert refused == SEAM_FRAMES
 
 
 @pytest.mark.parametrize(

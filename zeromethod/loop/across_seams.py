@@ -1,52 +1,148 @@
-"""Order of the carrier across a saw's seams: where the picture goes on, it does too."""
+"""Order of the carrier across a saw's seams: where the picture goes on, it does too.
+
+Neighbours settle the order of neighbours, but at a seam they may not: what a window reads that sees both
+sides is neither's. So each row says by how many periods its nodes after a seam do not go on in a line, where
+the mirror bends so little that a line says it; most rows of a seam must say the same.
+"""
 
 from __future__ import annotations
 
+import cv2
 import numba
 import numpy as np
 
-from zeromethod.arrays import Flags, Float, Mask
+from zeromethod.arrays import Flags, Float, Ints, Mask
+from zeromethod.sensing.residual import Residual
+from zeromethod.warp.compose import compose
 from zeromethod.warp.rest import Rest
 from zeromethod.warp.validity import Flag
 
 _MOST_NODES = 24
 """Nodes of a row that a seam may take; dark of more is something else."""
+_CLEAR, _BENT = 0.25, 0.1
+"""Periods within which a row says a whole number of them; and by which slopes at a seam's edges may say
+otherwise than those a node further off, which is half of what a line is off by (the third derivative)."""
+_LEAST_ROWS, _MOST_SAY = 5, 0.75
+"""Rows that say how many, and share of these that must agree."""
+_ORDERS = 8
+"""Periods, at most, that are told apart."""
+_UNKNOWN = _ORDERS + 1
 
 
 @numba.njit(cache=True)
-def _bridged(moved: Float, step: Float, valid: Mask, seam: Mask, out: Mask) -> None:
-    """Into `out` nodes of rows, between valid ones on either side of a seam, that go on in a line.
+def _gap_end(valid: Mask, seams: Ints, first: int) -> tuple[int, int]:
+    """Column of one row at which nodes without a value, from `first` on, end; the seam among them, or 0."""
+    end, seam = first, 0
+    while end < len(valid) and not valid[end]:
+        seam = max(seam, seams[end])
+        end += 1
+    return end, seam
 
-    moved: (rows, cols) LCD px since rest, along columns. step: of the LCD position per node at rest: half a
-    period, by which a line may be off.
+
+@numba.njit(cache=True)
+def _off_line(moved: Float, valid: Mask, first: int, end: int) -> tuple[float, float]:
+    """By how much one row does not go on in a line over a gap; and what slopes at its edges differ by.
+
+    NaN where three nodes on either side are not all known.
     """
-    rows, cols = valid.shape
-    for j in range(rows):
+    wide = end - first + 1
+    if wide > _MOST_NODES or first < 3 or end > len(valid) - 3:
+        return np.nan, np.nan
+    if not (valid[first - 3 : first].all() and valid[end : end + 3].all()):
+        return np.nan, np.nan
+    a, b = moved[first - 3 : first], moved[end : end + 3]
+    off = b[0] - a[2] - 0.25 * wide * (a[2] - a[0] + b[2] - b[0])
+    return off, 0.5 * wide * (a[2] - 2 * a[1] + a[0] - b[2] + 2 * b[1] - b[0])
+
+
+@numba.njit(cache=True)
+def _votes(moved: Float, valid: Mask, seams: Ints, votes: Ints) -> None:
+    """Into `votes` (seams + 1, orders) how many rows say that each seam's far side is so many periods off."""
+    for j in range(valid.shape[0]):
         i = 0
-        while i < cols:
-            if valid[j, i]:
-                i += 1
-                continue
-            end, at_seam = i, False
-            while end < cols and not valid[j, end]:
-                at_seam |= seam[j, end]
-                end += 1
-            wide = end - i + 1
-            whole = at_seam and wide <= _MOST_NODES and i >= 3 and end <= cols - 3
-            if whole and valid[j, i - 3 : i].all() and valid[j, end : end + 3].all():
-                ahead = 0.25 * wide * (moved[j, i - 1] - moved[j, i - 3])
-                back = 0.25 * wide * (moved[j, end + 2] - moved[j, end])
-                if abs(moved[j, end] - back - moved[j, i - 1] - ahead) < abs(step[j, i]):
-                    out[j, i:end] = True
-            i = end
+        while i < valid.shape[1]:
+            end, seam = _gap_end(valid[j], seams[j], i)
+            if seam > 0:
+                off, bent = _off_line(moved[j], valid[j], i, end)
+                order = np.rint(off)
+                if abs(off - order) < _CLEAR and abs(bent) < _BENT and abs(order) <= _ORDERS:
+                    votes[seam, int(order) + _ORDERS] += 1
+            i = end + 1
+
+
+@numba.njit(cache=True)
+def _join(moved: Float, valid: Mask, seams: Ints, orders: Ints, out: Mask) -> None:
+    """Into `out` nodes of rows between valid ones on either side of a seam of order 0 that go on in line."""
+    for j in range(valid.shape[0]):
+        i = 0
+        while i < valid.shape[1]:
+            end, seam = _gap_end(valid[j], seams[j], i)
+            if seam > 0 and orders[seam] == 0:
+                out[j, i:end] = abs(_off_line(moved[j], valid[j], i, end)[0]) < 0.5
+            i = end + 1
+
+
+@numba.njit(cache=True)
+def _added_up(seams: Ints, orders: Ints) -> Ints:
+    """Periods (rows, cols) by which nodes are off, with those before the first seam of their row at 0."""
+    out = np.zeros(seams.shape, np.int64)
+    for j in range(seams.shape[0]):
+        total, before = 0, 0
+        for i in range(seams.shape[1]):
+            seam = seams[j, i]
+            if seam != before and seam > 0:
+                total += orders[seam] if orders[seam] != _UNKNOWN else 0
+            out[j, i] = total
+            before = seam
+    return out
+
+
+class _Rows:
+    """Rows of one frame: periods moved since rest along columns, valid nodes, seams by number, 0 for none.
+
+    orders: (seams + 1,) periods by which what is after each seam is off; `_UNKNOWN` where rows do not say.
+    """
+
+    def __init__(self, q: Float, flags: Flags, rest: Rest) -> None:
+        seam = rest.flags & np.uint16(Flag.SEAM) != 0
+        count, seams = cv2.connectedComponents(seam.astype(np.uint8))
+        self.seams: Ints = seams.astype(np.int64)
+        period = rest.grid.period_px / rest.grid.spacing_px * np.gradient(rest.q[..., 0], axis=1)
+        self.moved: Float = np.ascontiguousarray((q[..., 0] - rest.q[..., 0]) / period)
+        self.valid: Mask = (flags == 0) & ~seam
+        votes = np.zeros((count, 2 * _ORDERS + 1), np.int64)
+        _votes(self.moved, self.valid, self.seams, votes)
+        total = votes.sum(axis=1)
+        known = (votes.max(axis=1) >= _MOST_SAY * total) & (total >= _LEAST_ROWS)
+        self.orders: Ints = np.where(known, votes.argmax(axis=1) - _ORDERS, _UNKNOWN)
+
+
+def _has_seams(rest: Rest) -> bool:
+    return bool((rest.flags & np.uint16(Flag.SEAM)).any())
+
+
+def settle(residual: Residual, shown_q: Float, rest: Rest) -> None:
+    """Bring `residual.d`, in place, to one order over all seams whose rows say it.
+
+    It is that of the side by whose order most nodes are near the null.
+    """
+    if not _has_seams(rest):
+        return
+    q = compose(shown_q, residual.d, rest.grid.spacing_px)
+    rows = _Rows(q, residual.flags | rest.flags, rest)
+    if (rows.orders % _UNKNOWN == 0).all():
+        return
+    off = _added_up(rows.seams, rows.orders)
+    periods, mine = residual.d[rows.valid, 0] / rest.grid.period_px, off[rows.valid]
+    near = {side: np.count_nonzero(np.abs(periods - mine + side) < 0.5) for side in np.unique(mine)}
+    residual.d[..., 0] -= rest.grid.period_px * (off - max(near, key=lambda side: near[side]))
 
 
 def bridged(q: Float, flags: Flags, rest: Rest) -> Mask | None:
     """Nodes (rows, cols) at seams over which order is known; None of a prism. q: as measured, LCD px."""
-    seam = rest.flags & np.uint16(Flag.SEAM) != 0
-    if not seam.any():
+    if not _has_seams(rest):
         return None
-    out = np.zeros(seam.shape, bool)
-    step = np.gradient(rest.q[..., 0], axis=1)
-    _bridged(np.ascontiguousarray(q[..., 0] - rest.q[..., 0]), step, flags == 0, seam, out)
+    rows = _Rows(q, flags, rest)
+    out = np.zeros(rows.valid.shape, bool)
+    _join(rows.moved, rows.valid, rows.seams, rows.orders, out)
     return out

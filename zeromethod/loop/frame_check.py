@@ -23,6 +23,16 @@ BEGINNING_PX = 32
 LATE_FRAMES = 2.0
 """Frame times beyond the least age so far at which a frame counts as late."""
 
+SEAM_ROWS = 20
+"""Rows to both sides of a tear that rows at it are held against: more than a period of the target."""
+
+SEAM_RATIO = 1.5
+"""Times the largest third difference of rows around it, in square, from which two frames meet at a tear: a
+step of half a pixel of the target in 2 grey of noise, which by itself changes squares by a tenth."""
+
+SEAM_FRAMES = 8
+"""Consecutive frames that are refused for a seam; one that stays is an edge in the picture."""
+
 JUMP_FRAMES = 3
 """Consecutive frames that follow each other, but not those before, after which the clock has jumped."""
 
@@ -63,12 +73,24 @@ def _refused(events: tuple[Event, ...], words: str) -> FrameVerdict:
     return FrameVerdict(events, Notice(events[-1], words))
 
 
+def _breaks_off(image: Image, row: int) -> bool:
+    """Whether the picture breaks off between one row and the sampled one that follows."""
+    first = max(row - SEAM_ROWS, 0)
+    rows = image[first : row + SAMPLE_STRIDE + SEAM_ROWS].astype(np.float32)
+    bent = np.square(np.diff(rows, 3, axis=0)).mean(axis=1)  # each over four rows
+    at = slice(max(row - first - 3, 0), row - first + SAMPLE_STRIDE)
+    around = np.delete(bent, at)
+    return around.size > 0 and bool(bent[at].max() > SEAM_RATIO * around.max())
+
+
 class FrameCheck:
     """Checks frames one after the other against the rig's camera.
 
     Noise makes every row of pixels unique. So rows that are, bit for bit, those of the frame before were
     not exposed again: all of them in a repeated frame, some in a torn one, whose transfer left part of the
     old frame standing. Where the rig gives the camera no noise, equal rows are no fault and are not judged.
+    The half that was left out then may come with the next frame, and no row of that is an old one. So rows
+    where a frame was torn are watched from then on: two frames meet there where the picture breaks off.
     """
 
     def __init__(self, camera: CameraSpec) -> None:
@@ -84,6 +106,8 @@ class FrameCheck:
         self._resumed = True
         self._astray: list[tuple[int, int, int]] = []
         self._sample: Image | None = None
+        self._tears: list[int] = []
+        self._seams = 0
 
     def restart(self) -> None:
         """Forget the frames so far: the camera was opened again and counts from its own beginning."""
@@ -91,6 +115,7 @@ class FrameCheck:
         self._sample = None
         self._shift_ns = 0
         self._astray.clear()
+        self._tears.clear()
 
     def resume(self) -> None:
         """Begin another run: frames that came since the last one, as before the first, were not dropped."""
@@ -135,11 +160,19 @@ class FrameCheck:
         if self._late(now_ns - frame.time_ns):
             events.append(Event.FRAME_LATE)
         if not self._noisy or not stale.any():
-            return FrameVerdict(tuple(events))
+            return self._joined(image, tuple(events))
         if stale.all():
             return _refused((*events, Event.FRAME_REPEATED), "the image is that of the frame before")
+        self._tears = [SAMPLE_STRIDE * int(row) for row in np.flatnonzero(np.diff(stale))]
         rows = round(100 * float(stale.mean()))
         return _refused((*events, Event.FRAME_TORN), f"{rows} % of the frame is still that of the one before")
+
+    def _joined(self, image: Image, events: tuple[Event, ...]) -> FrameVerdict:
+        """Judge a frame with no old rows: refused where it was torn before and parts of two frames meet."""
+        self._seams = self._seams + 1 if any(_breaks_off(image, row) for row in self._tears) else 0
+        if not 0 < self._seams <= SEAM_FRAMES:
+            return FrameVerdict(events)
+        return _refused((*events, Event.FRAME_TORN), "two frames meet where one was torn before")
 
     def _wrong(self, frame: Frame, now_ns: int) -> FrameVerdict | None:
         """Verdict on a frame that breaks the contract, or whose clock jumped ahead; None for any other."""

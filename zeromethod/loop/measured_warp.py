@@ -18,7 +18,7 @@ import numpy as np
 from zeromethod.arrays import Flags, Float, Mask
 from zeromethod.exposure.pairing import Observation
 from zeromethod.exposure.unmixing import at_full_contrast, unmix
-from zeromethod.loop.across_seams import bridged
+from zeromethod.loop.across_seams import bridged, settle
 from zeromethod.loop.light_hold import LightHold
 from zeromethod.loop.panel_blur import PanelBlur
 from zeromethod.sensing.residual import Residual
@@ -196,6 +196,7 @@ def measure_warp(
     """
     grid = rest.grid
     shown = observation.shown
+    settle(residual, shown.q, rest)
     q = compose(shown.q, residual.d, grid.spacing_px)
     if blur is not None:
         blur.add_hidden(shown.q, q)

@@ -36,7 +36,7 @@ from zeromethod.surface.node_passes import (
 )
 from zeromethod.surface.noise import DepthNoise, SlopeNoise
 from zeromethod.surface.rays import MirrorRays
-from zeromethod.surface.seams import PASSES, Seams, steps_sigma_mm
+from zeromethod.surface.seams import PASSES, Carried, Seams
 from zeromethod.surface.settling import Reading, Settling, Start
 from zeromethod.surface.surface import Anchor, Surface, continued_points
 from zeromethod.surface.view_border import border_sigma_mm
@@ -127,7 +127,6 @@ class SurfaceReader:
         self._fold_per_mm = fold_per_mm(self._rest_bending, grid.spacing_px, sensitivity, point, regular)
         self._lever = Lever(self._rays, sensitivity)
         self._scale, self._scale_gradient = depth_scale(self._rays, regular, slope, point)
-        self._scale2 = self._scale**2
         self._integrator = SlopeIntegrator(point[..., 0], point[..., 1], self._scale)
         correlation = overlap_correlation(grid.period_px, grid.spacing_px)
         anchors = Anchors(
@@ -196,7 +195,7 @@ class SurfaceReader:
         inner, measured, seam, depth = self._grid.inner, warp, None, np.zeros(self._usable.shape)
         for _ in range(1 if self._seams is None else PASSES):
             if self._seams is not None:
-                warp, seam = self._seams.carried(measured, depth)
+                warp = (seam := self._seams.carried(measured, depth)).warp
             sigma_q, usable = warp.sigma[inner].copy(), np.empty_like(self._usable)
             planes = np.empty((2, *usable.shape))
             use_nodes(warp.q[inner], sigma_q, warp.flags[inner], self._usable, planes, usable)
@@ -276,7 +275,7 @@ class SurfaceReader:
         return Start(depth, nodes)
 
     def _surface(
-        self, warp: Warp, reading: Reading, noise: SlopeNoise, alone: bool, seam: Mask | None
+        self, warp: Warp, reading: Reading, noise: SlopeNoise, alone: bool, seam: Carried | None
     ) -> Surface:
         """alone: sigma is to be as exact as it can be, and not only after some readings."""
         island = self._integrator.island
@@ -289,14 +288,15 @@ class SurfaceReader:
             read = KnownReading(x, y, reading.depth, self._scale, of_frame, reading.slope, noise.variance)
             fit, systematic = self._drift.systematic(fit, read, noise)
             systematic.append(border_sigma_mm(reading.slope, reading.point, island))
-            systematic += [] if seam is None else [steps_sigma_mm(reading.depth, island)]
+            by = reading.depth, self._integrator.linear(x, y), fit.weights, self._scale
+            systematic += [] if seam is None else seam.left_mm(*by)
             hidden = None if warp.left is None else self._hidden.of(warp.left, noise.variance, island)
             systematic += [] if hidden is None else [hidden]
             errors = self._depth_share, reading.depth, np.stack(systematic)
             sigma_depth = together(self._scale, of_frame, *errors)
             curl = self._drift.test(warp, reading, noise)
         if fit is not None:
-            typical = fit.sigma_mm * float(np.sqrt(dot(self._scale2, island) / np.count_nonzero(island)))
+            typical = fit.sigma_mm * float(np.sqrt(dot(self._scale**2, island) / np.count_nonzero(island)))
             anchor = Anchor(fit.mode, self._grid.padded(fit.weights > 0.0, False), typical, fit.far_field_mm)
         read_nodes = Lattice(reading.depth, reading.slope, reading.point)
         contact = warp.flags & (Flag.LIGHT_LOST | Flag.OUTSIDE | Flag.NO_RAY) == Flag.LIGHT_LOST
@@ -309,7 +309,7 @@ class SurfaceReader:
             iterations=reading.iterations,
             curl=curl,
             fold_per_mm=self._fold_per_mm,
-            seam=seam,
+            seam=None if seam is None else seam.nodes,
         )
         self._before = (None if self._last is None else self._last.surface), self._before[0]
         self._last = None

@@ -1,0 +1,73 @@
+"""Order of the carrier over a saw's seams, on exact warps of planted dents."""
+
+import numpy as np
+import pytest
+from surface_bench import Bench, Gauss
+
+from benchmarks.dents import Planted, straight
+from zeromethod import load_rig
+from zeromethod.loop.across_seams import bridged, settle
+from zeromethod.sensing.residual import Residual
+from zeromethod.warp.rest import Rest
+from zeromethod.warp.validity import Flag
+
+
+@pytest.fixture(scope="module")
+def thin():
+    bench = Bench(load_rig("thin"))
+    return bench, Rest.of(bench.rig, bench.optics)
+
+
+def seams_before(rest: Rest) -> np.ndarray:
+    """How many seams there are at or before each node of a row; the second is next to the view's middle."""
+    seam = (rest.flags & np.uint16(Flag.SEAM) != 0).astype(int)
+    return np.cumsum(np.diff(seam, axis=1, prepend=0) == 1, axis=1)
+
+
+def planted(thin, dent, periods: int) -> tuple[Residual, np.ndarray]:
+    """What is seen of a dent with the picture at rest, misread by periods after a seam; the truth."""
+    bench, rest = thin
+    residual = Residual.empty(bench.grid)
+    warp = bench.warp(dent)
+    along = np.gradient(rest.q, axis=1)[..., 0] / rest.grid.spacing_px
+    down = np.gradient(rest.q, axis=0)[..., 1] / rest.grid.spacing_px
+    true = (warp.q - rest.q) / np.stack([along, down], axis=-1)  # the rest map of this rig is nearly straight
+    residual.flags[:] = warp.flags
+    residual.d[:] = true
+    residual.d[seams_before(rest) >= 2, 0] += periods * rest.grid.period_px
+    return residual, true
+
+
+@pytest.mark.parametrize("periods", [-2, -1, 1])
+def test_a_side_of_a_seam_that_was_misread_is_brought_back(thin, periods):
+    # 0.1 mm in the middle of the view: its flanks lie on two seams, which only rows off it tell
+    residual, true = planted(thin, Gauss(0.1, 42.0, 0.0, 4.0), periods)
+    settle(residual, thin[1].q, thin[1])
+    good = (residual.flags | thin[1].flags) == 0
+    assert good.any()
+    np.testing.assert_allclose(residual.d[good], true[good], atol=1e-9)
+
+
+@pytest.mark.parametrize("size_mm", [2.0, 3.0, 5.0])
+def test_what_is_right_stays(thin, size_mm):
+    # a long edge bends all rows of a seam as much: then none of them says anything
+    dent = Planted(straight, 0.003 * size_mm**2, 41.5, 0.0, size_mm)
+    residual, true = planted(thin, dent, 0)
+    settle(residual, thin[1].q, thin[1])
+    good = (residual.flags | thin[1].flags) == 0
+    np.testing.assert_allclose(residual.d[good], true[good], atol=1e-9)
+
+
+def test_a_seam_with_a_misread_side_joins_nothing(thin):
+    bench, rest = thin
+    warp = bench.warp(Gauss(0.1, 42.0, 0.0, 4.0))
+    seam = rest.flags & np.uint16(Flag.SEAM) != 0
+    flags = np.where(seam, np.uint16(Flag.SEAM), warp.flags)
+    joined = bridged(warp.q, flags, rest)
+    period = rest.grid.period_px / rest.grid.spacing_px * np.gradient(rest.q[..., 0], axis=1)
+    warp.q[..., 0] += np.where(seams_before(rest) >= 2, period, 0.0)
+    second = seam & (seams_before(rest) == 2)
+    again = bridged(warp.q, flags, rest)
+    assert joined[second].any()
+    assert not again[second].any()
+    assert again[seam & ~second].any()
