@@ -49,13 +49,14 @@ LEARNED, UNSEEN, QUICK_UNSEEN = 5, 100, 1
 STATISTICS = ("share", "spots_per_cm2", "spot_mm2", "pitch_mm")
 HEIGHT_MM, PRESSURE_MPA = 0.001, 0.018
 TOUCH_S, HELD_S, SLIP_S, STICK_S, END_S = 0.26, 0.3, 0.44, 0.6, 0.7
+WITHIN = 3
 NAMED_FRAMES, SHARE, PERCENT, TOLD = 3, 0.02, 2.0, 0.99
 
 
 def rubbed(
     folder: Path, weave: str, pitch_mm: float, tip_mm: float, speed_mm_s: float, seed: int
 ) -> tuple[list[Any], Any]:
-    """(time s, status, true share of what was looked at or None) of frames with a status, and the rig."""
+    """(time s of the scenario, status, true share of what was looked at) of frames with a status; the rig."""
     large = pitch_mm > 2
     radius = 7.0 if large else 3.0
     x_mm = 42.0 - 0.5 * speed_mm_s * (STICK_S - SLIP_S)
@@ -82,7 +83,7 @@ def rubbed(
         for step in session.run(seconds=END_S if speed_mm_s else SLIP_S):
             if step.contact_status is not None:
                 touches = scenario.mirror_at(step.time_ns).touches
-                found.append((step.time_s, step.contact_status, _true_share(session, touches)))
+                found.append((1e-9 * step.time_ns, step.contact_status, _true_share(session, touches)))
     return found, rig
 
 
@@ -91,10 +92,12 @@ def _true_share(session: Session, touches: Sequence[Touch]) -> float | None:
     spots = None if reader is None else reader.spots
     if spots is None or not touches:
         return None
-    row, col = np.nonzero(spots.looked)
-    x: Float = spots.x_mm + spots.pitch_mm * col.astype(np.float64)
-    y: Float = spots.y_mm + spots.pitch_mm * row.astype(np.float64)
-    return float(np.mean(touches[0].covers(x, y)))
+    row, col = (at[:, None, None] for at in np.nonzero(spots.looked))
+    # several points of each pixel: pixels alone meet spots of a pitch of 15 of them always alike
+    within = (np.arange(WITHIN) + 0.5) / WITHIN - 0.5
+    x: Float = spots.x_mm + spots.pitch_mm * (col + within)
+    y: Float = spots.y_mm + spots.pitch_mm * (row + within[:, None])
+    return float(np.mean(touches[0].covers(*np.broadcast_arrays(x, y))))
 
 
 def rub_case(folder: Path, number: int) -> dict[str, Any]:

@@ -68,6 +68,10 @@ REFUSALS = [
     ("run --gain 2", "--gain: 2: a number above 0, at most 1"),
     ("run --view --publish foo", "--publish: 'foo': not an address: tcp://HOST:PORT with a free port"),
     ("run --frames 0", "--frames: 0: a whole number from 1"),
+    (
+        "run --rig interactive --rubbing",
+        "--rubbing: not under a cloth (rig, [cloth] or [projector]), which hides what rubs",
+    ),
     ("run --frames 3 --seconds 1", "--frames and --seconds: give one of them, not both"),
     ("run --rig ring.toml", "light.ring_mm: [30.0, 20.0]: inner, outer with inner below outer"),
     ("run --rig room.toml", "light.room: -0.1: "),

@@ -1,5 +1,7 @@
 """The contact status of made-up textures whose spots, ridges and motion are known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from planted_rubbing import BLUR_PX, planted, random_places, square_places
@@ -104,6 +106,33 @@ def test_stick_and_slip_are_named_within_three_frames_and_once_each():
         assert 0 <= frame - began < 3
     speeds = [one.speed_mm_s for one in statuses[8:13]]
     np.testing.assert_allclose(speeds, 12.0, rtol=0.02)
+
+
+def test_a_depth_that_is_off_in_a_frame_moves_nothing():
+    """Depth inside a contact is carried in; off by 14 um it placed an image 24 um further on."""
+    places, reader = random_places(120, 4), RubbingReader(BLUR_PX)
+    for k in range(8):
+        contact = planted(places, 0.1, np.array([40.0, 0.0]), seed=k)
+        off = 0.024 if k in (1, 5) else 0.0
+        image = replace(contact.image, x_mm=contact.image.x_mm + off, sunk_x_mm=0.2 + off)
+        status = reader.follow([replace(contact, x_mm=contact.x_mm + off, image=image)], k * FRAME_NS)
+        assert status.motion is (Motion.STICK if k >= 2 else Motion.UNKNOWN)
+        assert not status.event
+
+
+def test_a_texture_that_is_not_lit_in_a_frame_is_known_again():
+    places, reader = random_places(120, 4), RubbingReader(BLUR_PX)
+    ways = 0.2 * np.minimum(np.arange(10), 6)
+    seen = []
+    for k, way in enumerate(ways):
+        contact = planted(places, 0.1, np.array([40.0 + way, 0.0]), seed=k)
+        if k == 5:
+            contact = replace(contact, image=replace(contact.image, light=0.5 * contact.image.light))
+        seen.append(reader.follow([contact], k * FRAME_NS))
+    assert seen[5].reason == "the LCD does not light it yet"
+    assert seen[6].motion is Motion.SLIP
+    assert seen[6].speed_mm_s == pytest.approx(12.0, rel=0.02)
+    assert [one.event for one in seen[7:9]].count("stick") == 1
 
 
 def test_the_life_of_spots_that_let_go_at_random_is_the_planted_one():

@@ -6,9 +6,13 @@ import numpy as np
 import pytest
 
 from benchmarks.rigs import coarser
-from zeromethod import Session, load_rig
+from zeromethod import Session, load_rig, open_recording
 from zeromethod.devices.opening import open_devices
+from zeromethod.interactive.pointers import PointerType
 from zeromethod.loop.state import NULLED
+from zeromethod.operating.player import Player
+from zeromethod.operating.readings import Readings
+from zeromethod.page.replay_content import ReplayContent
 
 FINGERS = ((30.0, -6.0, 0.3), (52.0, 5.0, 0.5))
 DOWN_S, UP_S = 0.3, 0.42
@@ -52,3 +56,23 @@ def test_fingers_are_found_placed_and_weighed_through_the_cloth(tmp_path, grey):
         assert contact.force_n == pytest.approx(force, rel=0.1)
     assert len({tuple(sorted(one.id for one in step.contacts)) for step in pressed}) == 1
     assert not steps[-1].contacts
+
+
+def test_a_recording_replays_the_pointer_events_that_programs_got_live(tmp_path):
+    rig = coarser(load_rig("interactive"), 4).replace({"cloth.weave_mm": 0.6})
+    rig = rig.replace({"scenario": str(press_file(tmp_path))})
+    live = {}
+    with Session(rig, record=tmp_path / "run.h5") as session:
+        readings = Readings(session)
+        for step in session.run():
+            readings.see(step)
+            live[step.number] = readings.values["pointers"]
+    last = live[max(live)]
+    kinds = [event["type"] for event in last]
+    # each of the two comes and goes once: nothing is invented where they were
+    assert [kinds.count(one) for one in (PointerType.DOWN, PointerType.UP)] == [len(FINGERS), len(FINGERS)]
+    with open_recording(tmp_path / "run.h5") as recording:
+        content = ReplayContent(recording, Player(recording.seconds))
+        for index, (step, events) in enumerate(live.items()):
+            assert recording.steps["number"][index] == step
+            assert content.values(index)["pointers"] == events

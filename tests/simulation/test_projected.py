@@ -116,6 +116,7 @@ def test_a_field_with_crossed_sides_is_refused_in_one_line():
     [
         ({"cloth": None}, 'projector.driver: "simulated"'),
         ({"camera.pupil_mm": 1.0}, "cloth: .*not simulated"),
+        ({"control.rubbing": True}, "control.rubbing: true: false under a cloth"),
         ({"cloth.pressed": 0.9}, "cloth.pressed: 0.9"),
         ({"projector.monitor": -1}, "projector.monitor: -1"),
         ({"projector.picture": "film"}, 'projector.picture: "film"'),

@@ -20,6 +20,9 @@ LEAST_NODES = 4
 _LEAST_VALID = 0.7
 """Share of a fit's nodes that must be valid."""
 
+_DOUBTFUL = 3.0
+"""Times the median sigma that counts as noise: more is what light does to a node in every frame alike."""
+
 _SIGMAS = 3.0
 _DEGREE = 4
 """Of the polynomials in camera px that stand for what a press leaves of a fit."""
@@ -99,7 +102,8 @@ class MotionFitter:
         left = np.abs(away - basis[:, : self.count] @ values[: self.count])
         allowed = UNLIKE * float(np.linalg.norm(values[: self.count]))
         passing = float(np.mean(left < _SIGMAS * sigma + allowed))
-        noise_px = float(np.sqrt(np.mean(sigma**2) * self._shared / used))
+        noise2 = np.mean(np.minimum(sigma, _DOUBTFUL * np.median(sigma)) ** 2)
+        noise_px = float(np.sqrt(noise2 * self._shared / used))
         return Terms(values, noise_px, passing)
 
     def motion(self, terms: Terms) -> Float:

@@ -43,6 +43,8 @@ class HeldPress:
 
     def __init__(self, modes: BenchModes, grid: NodeGrid, visible: Mask) -> None:
         """visible: (rows, cols) nodes that are seen at rest."""
+        self.moving_frames: int
+        """Consecutive frames, by whoever judges them, in which the bench moved, however far."""
         self._modes, self._grid, self._visible = modes, grid, visible
         self.forget()
 
@@ -51,7 +53,7 @@ class HeldPress:
         self.fitter: MotionFitter | None = None
         self._sum: Float | None = None
         self._valid = self._visible
-        self._frames = 0
+        self._frames = self.moving_frames = 0
         self._first: Terms | None = None
         self._last: deque[Terms] = deque(maxlen=HELD_FRAMES)
 

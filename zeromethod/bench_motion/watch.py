@@ -14,7 +14,7 @@ import numpy as np
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.bench_motion.fit import LEAST_NODES, UNLIKE, MotionFitter, Terms
-from zeromethod.bench_motion.held import HeldPress
+from zeromethod.bench_motion.held import HELD_FRAMES, HeldPress
 from zeromethod.bench_motion.modes import BenchModes
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.warp import Warp
@@ -175,7 +175,9 @@ class BenchWatch:
         self.drift = self._before + found.drift
         if found.motion_px > _SURE * found.left_px:
             self._sure = self.drift
-        if press.settled and found.rigid and found.motion_px > LEAST_LCD_PX and not self.moved:
+        moves = found.rigid and found.motion_px > LEAST_LCD_PX
+        press.moving_frames = press.moving_frames + 1 if moves else 0
+        if moves and (press.settled or press.moving_frames >= HELD_FRAMES) and not self.moved:
             self.moved = f"the bench moved {self.modes.words(fitter.motion(terms))}"
 
     def _judge_known(self, fitter: MotionFitter, terms: Terms) -> None:

@@ -204,7 +204,10 @@ def with_given(rig: Rig, scenario: str | None, **tables: Mapping[str, Any]) -> R
     for table, values in tables.items():
         given = {key: value for key, value in values.items() if value is not None}
         update[table] = getattr(rig, table).model_copy(update=given)
-    return rig.model_copy(update=update)
+    changed = rig.model_copy(update=update)
+    if changed.control.rubbing and changed.under_cloth:
+        raise InputError("--rubbing: not under a cloth (rig, [cloth] or [projector]), which hides what rubs")
+    return changed
 
 
 def checked_scenario(name: str) -> str:

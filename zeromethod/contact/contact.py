@@ -35,12 +35,16 @@ class ContactImage:
         Side of a pixel: the camera's, as it sees the mirror there.
     x_mm, y_mm : float
         World place of the middle of pixel (0, 0).
+    sunk_x_mm, sunk_y_mm : float
+        How far all of it lies, by the depth of the mirror, from where the camera would see it at rest.
     """
 
     light: Single
     mm_per_px: float
     x_mm: float
     y_mm: float
+    sunk_x_mm: float = 0.0
+    sunk_y_mm: float = 0.0
 
     def inside(self, outline_mm: Float) -> Mask:
         """(rows, cols) pixels inside a closed polygon (n, 2), mm."""

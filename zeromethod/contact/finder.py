@@ -22,7 +22,7 @@ from zeromethod.contact.outline import (
     first_outline,
     refined,
 )
-from zeromethod.contact.picture import image_of, places_of
+from zeromethod.contact.picture import Places, image_of, places_of
 from zeromethod.contact.polygon import normals, perimeter, signed_area
 from zeromethod.contact.region import Region, RegionFinder
 from zeromethod.contact.rest import RestPicture
@@ -157,13 +157,23 @@ class ContactFinder:
         if not contacts:
             return contacts
         mean, drift = self._rest.mean, self._rest.drift(residual)
-        placed = ((contact, places_of(contact, surface, self._grid)) for contact in contacts)
-        return tuple(
-            contact
-            if places is None
-            else replace(contact, image=image_of(contact, image, mean, drift, self._black, places))
-            for contact, places in placed
-        )
+        with_image = []
+        for contact in contacts:
+            places = places_of(contact, surface, self._grid)
+            if places is not None:
+                seen = image_of(contact, image, mean, drift, self._black, places)
+                sunk = self._sunk(contact, places)
+                seen = replace(seen, sunk_x_mm=float(sunk[0]), sunk_y_mm=float(sunk[1]))
+                contact = replace(contact, image=seen)  # noqa: PLW2901 - the same with its image
+            with_image.append(contact)
+        return tuple(with_image)
+
+    def _sunk(self, contact: Contact, places: Places) -> Float:
+        """(2,) mm that the middle of a contact lies, by the mirror's depth, from where it is seen at rest."""
+        reach = 0.25 * np.ptp(contact.outline_mm, axis=0)
+        x, y = (m + np.linspace(-r, r, 5) for m, r in zip((contact.x_mm, contact.y_mm), reach, strict=True))
+        at = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+        return np.asarray((at - self._places.at_rest(places.pixels(x, y).reshape(-1, 2))).mean(axis=0))
 
     def _contact(self, region: Region, surface: Surface) -> Contact | None:
         edge = _outline(region)

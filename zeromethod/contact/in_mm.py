@@ -76,6 +76,10 @@ class MirrorPlaces:
         """(n, 2) mm where the rays of n nodes (rows, cols) meet the mirror at these depths, mm."""
         return np.asarray(self._point[nodes] - depth_mm[:, None] * self._per_depth[nodes])
 
+    def at_rest(self, points_px: Float) -> Float:
+        """(n, 2) mm where pixels (n, 2) look at the mirror at rest."""
+        return self._at(self._point, points_px)
+
     def per_depth(self, points_px: Float) -> Float:
         """(n, 2): how far a ray goes along x and y per mm of depth, at pixels (n, 2)."""
         return self._at(self._per_depth, points_px)

@@ -62,8 +62,8 @@ def stripes(contact: Contact) -> Stripes | None:
     found = strongest(light)
     if found is None:
         return None
+    cycles = refined(light, found)
     rows, cols = np.nonzero(inside)
-    cycles = refined(light[inside], np.stack((cols, rows), axis=-1).astype(np.float64), found)
     per_px = float(np.hypot(*cycles))
     angle = float(np.degrees(np.arctan2(cycles[1], cycles[0])) % 180)
     phase = (np.stack((cols, rows), axis=-1) @ cycles) % 1
@@ -77,9 +77,12 @@ def stripes(contact: Contact) -> Stripes | None:
 
 def strongest(light: Float, least_periods: float = _LEAST_PERIODS) -> Float | None:
     """(2,) cycles per pixel along columns and rows of the highest peak of the spectrum."""
-    rows, cols = (_FINE * side for side in light.shape)
-    power = np.abs(np.fft.rfft2(light, (rows, cols)))
-    down, across = np.fft.fftfreq(rows)[:, None], np.fft.rfftfreq(cols)[None, :]
+    rows, cols = (scipy.fft.next_fast_len(_FINE * side, real=True) for side in light.shape)
+    power = np.abs(scipy.fft.rfft2(light.astype(np.float32), (rows, cols)))
+    down, across = (
+        one.astype(np.float32)
+        for one in (scipy.fft.fftfreq(rows)[:, None], scipy.fft.rfftfreq(cols)[None, :])
+    )
     cycles = np.hypot(down, across)
     power[(cycles < least_periods / max(light.shape)) | (cycles > 1 / _FINEST_PX)] = 0
     if not power.any():
@@ -88,15 +91,19 @@ def strongest(light: Float, least_periods: float = _LEAST_PERIODS) -> Float | No
     return np.array([across[0, col], down[row, 0]])
 
 
-def refined(light: Float, at: Float, cycles: Float) -> Float:
-    """The same to a fraction of the spectrum's step. light: (n,) at pixels (n, 2)."""
-    size = float(np.ptp(at, axis=0).max())
-
-    def lost(off: Float) -> float:
-        return -float(np.abs(np.sum(light * np.exp(-2j * np.pi * (at @ (cycles + off / size))))))
-
-    simplex = np.array([[0.0, 0.0], [0.2, 0.0], [0.0, 0.2]])
-    found = scipy.optimize.minimize(
-        lost, np.zeros(2), method="Nelder-Mead", options={"initial_simplex": simplex}
+def wave(light: Float, cycles: Float) -> float:
+    """Size of the sum of light (rows, cols) times a wave of (2,) cycles per pixel along columns and rows."""
+    down, across = (
+        np.exp(-2j * np.pi * c * np.arange(n)) for c, n in zip(cycles[::-1], light.shape, strict=True)
     )
+    return float(np.abs(down @ light @ across))
+
+
+def refined(light: Float, cycles: Float) -> Float:
+    """The strongest wave's (2,) cycles, of light (rows, cols), to a fraction of the spectrum's step."""
+    size = max(light.shape)
+    found = scipy.optimize.minimize(
+        lambda off: -wave(light, cycles + off / size), np.zeros(2), method="Nelder-Mead",
+        options={"initial_simplex": np.array([[0.0, 0.0], [0.2, 0.0], [0.0, 0.2]])},
+    )  # fmt: skip
     return np.asarray(cycles + found.x / size)

@@ -4,10 +4,14 @@ Threads give the light of a projector's picture, any and changing, so that no gr
 The amplitude of the carriers does: steady light adds nothing to it. A node whose carriers have less than half
 of their amplitude at rest lies in a contact. A contact's middle is known to a fraction of a node's spacing;
 its area only roughly, as right beside it the mirror bends too fast for a node's window, too.
+
+For the frame or two after a finger has gone the LCD still shows the picture that nulled its dent, which bends
+just as fast. So what has lost its carriers is a contact only if a force presses there.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 
 import cv2
@@ -36,11 +40,18 @@ _PLACE = 0.25
 """Standard deviation of a centroid over the spacing of nodes: planted fingers, lit and dark, were 0.2 off."""
 _EDGE = 0.5
 """The same of the border, across itself: where the amplitude falls, a window is half over it."""
+_LEAST_SIGMAS, _LEAST_STRAIN = 3.0, 0.002
+"""Of a force, by its sigma, and of its mean pressure over the modulus: a ball that flattens 2 mm so gently
+has a radius of 0.2 m; planted fingers were above 0.01, what a gone one leaves below 0.0005."""
 _NOTHING = Probability(0, 0, np.zeros((0, 0), np.float32))
 
 
 class ThreadFinder(ContactFinder):
     """Finds what presses a cloth on the mirror; used as a `ContactFinder`."""
+
+    def __init__(self, rig: Rig, optics: Optics, grid: NodeGrid) -> None:
+        super().__init__(rig, optics, grid)
+        self._modulus_mpa = rig.rubber.youngs_modulus_mpa or 0.0
 
     def _found(
         self,
@@ -67,9 +78,21 @@ class ThreadFinder(ContactFinder):
     def carry(
         self, surface: Surface, deepest: Peak, contacts: tuple[Contact, ...], fit: ForceFit | None
     ) -> tuple[Surface, Peak, tuple[Contact, ...]]:
-        """As `ContactFinder.carry`, with those that are not named yet, which are in `fit`, too."""
+        """As `ContactFinder.carry`, with those that are not named yet, which are in `fit`, too.
+
+        Contacts in which nothing presses are left out.
+        """
         surface, deepest, carried = super().carry(surface, deepest, (*contacts, *self.unnamed), fit)
-        return surface, deepest, carried[: len(contacts)]
+        return surface, deepest, tuple(one for one in carried[: len(contacts)] if self._presses(one))
+
+    def _presses(self, contact: Contact) -> bool:
+        """Whether a force presses there, or none could be read."""
+        if math.isnan(contact.force_n):
+            return True
+        least = max(
+            _LEAST_SIGMAS * contact.sigma_force_n, _LEAST_STRAIN * self._modulus_mpa * contact.area_mm2
+        )
+        return contact.force_n > least
 
     def _named(self, found: list[Contact], surface: Surface) -> tuple[Contact, ...]:
         named = super()._named(found, surface)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from itertools import count
 from typing import Any
 
@@ -23,6 +23,8 @@ _MOVED_SIGMAS, _PRESSED_SIGMAS, _LEAST_PRESSURE = 0.5, 2.0, 0.01
 """Least of what is a move: of the place, by its sigma; of the force, by its sigma and in pressure."""
 _NO_FORCE = 0.5
 """Pressure of a pointer that touches where no force is read. Source: W3C Pointer Events, `pressure`."""
+KEPT = 64
+"""Last events that values and messages have, so that whoever skips some misses none."""
 
 
 class PointerType(enum.StrEnum):
@@ -80,6 +82,13 @@ class PointerEvent:
     height_px: float
     is_primary: bool
     reason: str = ""
+
+    @classmethod
+    def of_row(cls, row: np.void) -> PointerEvent:
+        """From a row of a recording's table of them."""
+        values = {one.name: row[one.name].item() for one in fields(cls)}
+        words = {"type": PointerType(row["type"].decode()), "reason": row["reason"].decode()}
+        return cls(**values | words)
 
     @property
     def as_browsers_have_it(self) -> dict[str, Any]:

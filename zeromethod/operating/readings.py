@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from zeromethod.approach import Approach, Watching
-from zeromethod.interactive.pointers import PointerEvent
+from zeromethod.interactive.pointers import KEPT, PointerEvent
 from zeromethod.loop.state import State
 from zeromethod.loop.step import Step
 from zeromethod.operating.advice import ADVICE, FRESH, LATE_S, doubt_of
@@ -38,9 +38,6 @@ HISTORY = (
 
 _KEPT_ROWS = 4096
 """Rows that wait to be taken; older ones are left out where nobody takes them."""
-
-_KEPT_POINTERS = 64
-"""Pointer events that are repeated, so that whoever skips values misses none."""
 
 
 def history_row(values: dict[str, Any]) -> tuple[float | int | None, ...]:
@@ -106,7 +103,7 @@ class Readings:
             )
         )
         self._peak |= {"contacts": [], "force_normal_n": None, "force_normal_sigma_n": None}
-        self._pointers: deque[PointerEvent] = deque(maxlen=_KEPT_POINTERS)
+        self._pointers: deque[PointerEvent] = deque(maxlen=KEPT)
         self._peak |= status_values(None)
         self._fine: dict[str, Any] = dict.fromkeys(("fine_peak_mm", "fine_peak_sigma_mm", "fine_time_s"))
         self._spoiled, self._zero = Spoiled(), session.loop.zero

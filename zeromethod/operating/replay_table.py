@@ -33,7 +33,7 @@ METHODS = (
 )
 
 _OF_A_RUN_ALONE = frozenset(
-    {"read_rate_hz", "latency_ms", "paused", "gain", "contrast", "recording", "recording_trouble", "pointers"}
+    {"read_rate_hz", "latency_ms", "paused", "gain", "contrast", "recording", "recording_trouble"}
 )
 
 VALUES = (

@@ -8,6 +8,7 @@ import numpy as np
 
 from zeromethod.approach import Approach, Watching
 from zeromethod.arrays import Float
+from zeromethod.interactive.pointers import KEPT, PointerEvent
 from zeromethod.operating.advice import ADVICE, FRESH, LATE_S, doubt_of
 from zeromethod.operating.fine_doubt import Spoiled
 from zeromethod.operating.lasting import LastingState
@@ -49,6 +50,9 @@ class ReplayContent:
         self.times_s = 1e-9 * (self.steps["time_ns"] - self._start_ns)
         self._peaks, self._contacts = recording.peaks, recording.contacts
         self._approaches, self._status = recording.tables.approaches(), recording.tables.contact_status()
+        pointers = recording.tables.pointers()
+        self._pointer_steps = pointers["step"]
+        self._pointers = [PointerEvent.of_row(one).as_browsers_have_it for one in pointers]
         self._surfaces = recording.steps_with("surface")
         self._fine_steps, peaks = recording.steps_with("fine"), recording.fine_peaks
         self._fine_peaks = peaks[np.isin(peaks["step"], self._fine_steps)]
@@ -142,6 +146,7 @@ class ReplayContent:
             "fresh": state in FRESH and (late_s or 0.0) <= LATE_S,
             "doubt": doubt,
             **approach_values(self._approach_at(int(row["number"]))),
+            "pointers": self._pointers_at(int(row["number"])),
             **fine,
             "fine_doubt": self._spoiled[index].doubt(doubt, fine["fine_time_s"], now_s),
             "phase": Recording.text(row["phase"]),
@@ -204,6 +209,10 @@ class ReplayContent:
                 for one in touching
             ],
         }
+
+    def _pointers_at(self, step: int) -> list[dict[str, Any]]:
+        """Pointer events up to a step, the last ones."""
+        return self._pointers[: int(np.searchsorted(self._pointer_steps, step, side="right"))][-KEPT:]
 
     def _fine_peak_at(self, step: int) -> dict[str, Any]:
         index = int(np.searchsorted(self._fine_peaks["step"], step, side="right")) - 1

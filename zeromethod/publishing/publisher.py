@@ -12,7 +12,7 @@ from typing import Any
 
 from zeromethod.clock import Clock
 from zeromethod.errors import InputError
-from zeromethod.interactive.pointers import PointerEvent
+from zeromethod.interactive.pointers import KEPT, PointerEvent
 from zeromethod.loop.step import Step
 from zeromethod.publishing.events import ContactEvent, ContactWatch
 from zeromethod.publishing.message import encode
@@ -22,8 +22,6 @@ _LAST_PORT = 65535
 _ALLOWED = "tcp://HOST:PORT with a free port, such as tcp://127.0.0.1:5556 (tcp://*:5556: from anywhere)"
 _CONTACTS = 16
 """Contact events that every message repeats, so that a subscriber that skips messages misses none."""
-_POINTERS = 64
-"""The same of pointer events: some frames' of five fingers."""
 _SEND_BUFFER_BYTES = 1 << 19
 """Kernel buffer per subscriber: about one message, or a slow line would always be late."""
 _LEAVING_S = 0.5
@@ -56,7 +54,7 @@ class Publisher(AbstractContextManager["Publisher"]):
         self._session = uuid.uuid4().hex
         self._watch = ContactWatch()
         self._contacts: deque[ContactEvent] = deque(maxlen=_CONTACTS)
-        self._pointers: deque[PointerEvent] = deque(maxlen=_POINTERS)
+        self._pointers: deque[PointerEvent] = deque(maxlen=KEPT)
         self._context: Any = zmq.Context()
         self._socket: Any = self._context.socket(zmq.PUB)
         self._published = False

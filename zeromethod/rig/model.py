@@ -112,6 +112,12 @@ class Rig(Table):
         return self.cloth is not None or self.projector is not None
 
     @model_validator(mode="after")
+    def _rubbed(self) -> Rig:
+        if self.under_cloth and self.control.rubbing:
+            raise refused("control.rubbing", True, "false under a cloth: what rubs is not seen through it")
+        return self
+
+    @model_validator(mode="after")
     def _lit(self) -> Rig:
         if self.light.by_mirror and not self.control.passive:
             rule = 'only with control.controller "passive": a lamp lights a print, which cannot be warped'

@@ -18,8 +18,9 @@ _LEAST_LIKE = 0.3
 _SIGMAS = 4.0
 """Standard deviations by which the best place must be likelier than any other to be clear."""
 PLACED_MM, PLACED_SHARE = 0.003, 0.01
-"""Standard deviation of images' own places, from frame to frame and over a way: depth in contact, by which an
-image is placed, is carried in from around."""
+"""Standard deviation of images' own places, from frame to frame and over a way."""
+_SUNK_SHARE = 0.6
+"""Standard deviation over what a change of depth moved an image by: none of that may be real, or all."""
 _BLUR_PX = 1.5
 _PASSES = 4
 _ALIKE_PX2, _ALIKE_HALVES = 30.0, 8.0
@@ -36,37 +37,40 @@ class Moved(NamedTuple):
 
 
 def moved(first: Spots, second: Spots, about_mm: Float | None = None) -> Moved | None:
-    """How far the texture moved, about `about_mm` (2,) where that is given; None where it is not found."""
+    """How far the texture moved, about `about_mm` (2,) where that is given; None where it is not found.
+
+    Both images are placed as if the mirror had not changed its depth, which is carried in from around and may
+    be off; what it seems to have changed by is in sigma.
+    """
     pitch = first.pitch_mm
-    cover, looked = _on_pitch_of(second, pitch)
-    origin = np.array([second.x_mm - first.x_mm, second.y_mm - first.y_mm])
+    smooth = _smooth(first.cover)
+    other, looked = _on_pitch_of(second, pitch)
+    sunk = second.sunk_mm - first.sunk_mm
+    origin = np.array([second.x_mm - first.x_mm, second.y_mm - first.y_mm]) - sunk
     clear = True
     if about_mm is not None:
         shift = (about_mm - origin) / pitch
     else:
-        halves = [_half(one) for one in (first.cover, first.looked, cover, looked)]
-        found = _best(correlation(halves[0], halves[1] > 0.5, halves[2], halves[3] > 0.5), halves[0].shape)
+        # what is smooth has all its shape on every other pixel
+        every = np.s_[::2, ::2]
+        likeness = correlation(smooth[every], first.looked[every], other[every], looked[every])
+        found = _best(likeness, smooth[every].shape)
         if found is None:
             return None
         shift, clear = 2 * found[0], found[1]
-    fine = _refined(first, cover, looked, shift)
+    fine = _refined(smooth, first.looked, other, looked, shift)
     if fine is None:
         return None
     way = origin + pitch * fine[0]
-    placed = np.hypot(PLACED_MM, PLACED_SHARE * np.hypot(*way))
-    return Moved(float(way[0]), float(way[1]), float(np.hypot(fine[1] * pitch, placed)), clear)
-
-
-def _half(values: Single | Mask) -> Single:
-    """Every other pixel of what is smooth enough for it."""
-    return np.asarray(cv2.blur(np.asarray(values, np.float32), (2, 2), anchor=(0, 0))[::2, ::2])
+    open_mm = PLACED_MM, PLACED_SHARE * np.hypot(*way), _SUNK_SHARE * np.hypot(*sunk), fine[1] * pitch
+    return Moved(float(way[0]), float(way[1]), float(np.linalg.norm(open_mm)), clear)
 
 
 def _best(found: tuple[Float, Float] | None, shape: tuple[int, ...]) -> tuple[Float, bool] | None:
     """((2,) px that the best place is off, whether no other is nearly as good)."""
     if found is None:
         return None
-    likeness, common = found
+    likeness, common = _tops(found[0]), found[1]
     peak = np.unravel_index(int(np.argmax(likeness)), likeness.shape)
     if likeness[peak] < _LEAST_LIKE:
         return None
@@ -82,12 +86,32 @@ def _best(found: tuple[Float, Float] | None, shape: tuple[int, ...]) -> tuple[Fl
     return shift, bool(rival.max() < sure[peak])
 
 
+def _tops(likeness: Float) -> Float:
+    """With local maxima as high as they are between pixels: by a parabola along either axis."""
+    top = likeness == cv2.dilate(likeness, np.ones((3, 3), np.uint8))
+    top[[0, -1]] = top[:, [0, -1]] = False
+    row, col = np.nonzero(top & (likeness > 0))
+    middle = likeness[row, col]
+    higher = np.zeros_like(middle)
+    for down, right in ((1, 0), (0, 1)):
+        before, after = likeness[row - down, col - right], likeness[row + down, col + right]
+        bow = np.where(np.minimum(before, after) > 0, 2 * middle - before - after, np.inf)
+        higher += (after - before) ** 2 / (8 * np.maximum(bow, 1e-6))
+    result = likeness.copy()
+    result[row, col] = np.minimum(middle + higher, 1.0)
+    return result
+
+
+def _smooth(cover: Single) -> Single:
+    return np.asarray(cv2.GaussianBlur(cover, (0, 0), _BLUR_PX), np.float32)
+
+
 def _on_pitch_of(spots: Spots, pitch_mm: float) -> tuple[Single, Mask]:
-    """(cover, looked) on pixels of another side, from the same first pixel on."""
+    """(smooth cover, looked) on pixels of another side, from the same first pixel on."""
     scale = spots.pitch_mm / pitch_mm
     rows, cols = (int(np.ceil((n - 1) * scale)) + 1 for n in spots.cover.shape)
     turn = np.array([[scale, 0, 0], [0, scale, 0]], dtype=np.float64)
-    cover = cv2.warpAffine(spots.cover, turn, (cols, rows), flags=cv2.INTER_LINEAR)
+    cover = cv2.warpAffine(_smooth(spots.cover), turn, (cols, rows), flags=cv2.INTER_LINEAR)
     looked = cv2.warpAffine(spots.looked.view(np.uint8), turn, (cols, rows), flags=cv2.INTER_NEAREST)
     return np.asarray(cover, np.float32), np.asarray(looked > 0)
 
@@ -131,13 +155,13 @@ def _around_peak(likeness: Float, peak: tuple[np.intp, ...]) -> Mask:
     return np.asarray(cv2.dilate(own, np.ones((3, 3), np.uint8)) > 0)
 
 
-def _refined(first: Spots, cover: Single, looked: Mask, shift: Float) -> tuple[Float, float] | None:
+def _refined(
+    smooth: Single, smooth_looked: Mask, other: Single, looked: Mask, shift: Float
+) -> tuple[Float, float] | None:
     """(shift px, its sigma): least squares of the second image, moved back, against the first."""
-    smooth = cv2.GaussianBlur(first.cover, (0, 0), _BLUR_PX)
-    other = cv2.GaussianBlur(cover, (0, 0), _BLUR_PX)
-    rows, cols = first.cover.shape
+    rows, cols = smooth.shape
     rim = np.ones((2 * round(2 * _BLUR_PX) + 1,) * 2, np.uint8)
-    own, others = (cv2.erode(one.view(np.uint8), rim, borderValue=0) for one in (first.looked, looked))
+    own, others = (cv2.erode(one.view(np.uint8), rim, borderValue=0) for one in (smooth_looked, looked))
     for _ in range(_PASSES):
         turn = np.array([[1, 0, shift[0]], [0, 1, shift[1]]], dtype=np.float64)
         how = cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP

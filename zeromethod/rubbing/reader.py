@@ -21,8 +21,10 @@ _LONGEST = 6
 """Frames over which a speed is taken, at most."""
 _MOVES = 4.0
 """Standard deviations from one frame to the next from which on it slips."""
-_NAMED = 2
-"""Frames in a row that say so before stick or slip is named."""
+_NAMED, _SURE = 2, 3.0
+"""Frames in a row that say so before stick or slip is named; one, where it is so many times as clear."""
+_UNSEEN_S = 0.1
+"""How long the texture may be unseen, as while the LCD does not light it, and yet be known again."""
 _TOGETHER_MM = 0.05
 """Difference of a way from the sum of its steps from which on it is not the same."""
 _BORDER_MM = 0.5
@@ -53,6 +55,7 @@ class RubbingReader:
         self._ridges: Ridges | None = None
         self._life = SpotLife()
         self._step: Float | None = None
+        self._changed = False
         self.spots: Spots | None = None
 
     def follow(self, contacts: Sequence[Contact], time_ns: int, exposure_ns: int = 0) -> ContactStatus | None:
@@ -82,7 +85,9 @@ class RubbingReader:
         )
         spots = spots_of(contact, self._blur_px)
         if isinstance(spots, str):
-            self._forget()
+            if not self._seen or time_ns - self._seen[-1].time_ns > 1e9 * _UNSEEN_S:
+                self._forget()
+                self._id = contact.id
             return replace(status, reason=spots)
         self.spots = spots
         reasons = [] if np.isfinite(contact.force_n) else [_NO_MODULUS]
@@ -97,7 +102,7 @@ class RubbingReader:
                 status, pitch_mm=ridges.pitch_mm, sigma_pitch_mm=ridges.sigma_mm,
                 ridge_deg=ridges.angle_deg, sigma_ridge_deg=ridges.sigma_deg,
             )  # fmt: skip
-        new = _Seen(time_ns, spots, np.zeros(2), np.array([contact.x_mm, contact.y_mm]))
+        new = _Seen(time_ns, spots, np.zeros(2), np.array([contact.x_mm, contact.y_mm]) - spots.sunk_mm)
         status = self._moving(status, new, 1e-9 * exposure_ns, reasons)
         life = self._life.mean_s()
         if isinstance(life, str):
@@ -123,10 +128,12 @@ class RubbingReader:
         way = np.array([step.dx_mm, step.dy_mm])
         self._seen.append(new._replace(way_mm=way))
         seconds = 1e-9 * (new.time_ns - last.time_ns)
-        self._life.add(last.spots, new.spots, way, seconds)
+        self._life.add(last.spots, new.spots, way + new.spots.sunk_mm - last.spots.sunk_mm, seconds)
         far = float(np.hypot(*way))
-        says = Motion.SLIP if far > _MOVES * step.sigma_mm else Motion.STICK
-        event = self._named(says)
+        least = _MOVES * step.sigma_mm
+        says = Motion.SLIP if far > least else Motion.STICK
+        before = float(np.hypot(*last.way_mm))
+        event = self._named(says, sure=step.clear and max(far, before) > _SURE * least)
         half = 0.5 * (status.pitch_mm if np.isfinite(status.pitch_mm) else np.inf)
         gap = half if np.isfinite(half) else 5.0 / np.sqrt(status.spots_per_cm2)
         clear = step.clear or (np.isfinite(half) and (self._foreseen(way, half) or self._with_border(half)))
@@ -135,12 +142,16 @@ class RubbingReader:
         aliased = far > half or blurred or not clear
         if not clear:
             reasons.append("aliased: it is as likely to have gone elsewhere")
+        status = replace(
+            status, motion=self._motion, event=event, aliased=aliased,
+            began_s=1e-9 * (new.time_ns - self._since_ns),
+        )  # fmt: skip
+        if self._changed:
+            reasons.append("speed: it began or halted within this frame")
+            return status
         speed, sigma = self._speed(step.sigma_mm)
         size = float(np.hypot(*speed))
-        status = replace(
-            status, speed_mm_s=size, sigma_speed_mm_s=sigma, motion=self._motion, event=event,
-            aliased=aliased, began_s=1e-9 * (new.time_ns - self._since_ns),
-        )  # fmt: skip
+        status = replace(status, speed_mm_s=size, sigma_speed_mm_s=sigma)
         if size < 3 * sigma:
             return status
         direction = float(np.degrees(np.arctan2(speed[1], speed[0])))
@@ -169,12 +180,15 @@ class RubbingReader:
             sigma_mm *= np.sqrt(len(self._seen) - 1)
         return way / seconds, sigma_mm / seconds
 
-    def _named(self, says: Motion) -> str:
-        """What is named in this frame, "" for nothing; a new motion begins with two frames that say so."""
+    def _named(self, says: Motion, *, sure: bool) -> str:
+        """What is named in this frame, "" for nothing; a new motion begins with frames that say so."""
+        changed = len(self._says) > 0 and self._says[-1] is not says
         self._says.append(says)
-        if says is not self._motion:  # the way before was another's, and that of a first step is both
+        if changed or self._changed:  # the way before was another's, and that of a first step is both
             self._seen = deque(list(self._seen)[-2:], self._seen.maxlen)
-        if says is self._motion or len(self._says) < _NAMED or any(one is not says for one in self._says):
+        self._changed = changed
+        alike = len(self._says) == _NAMED and all(one is says for one in self._says)
+        if says is self._motion or not (alike or sure):
             return ""
         known = self._motion is not Motion.UNKNOWN
         self._motion, self._since_ns = says, self._seen[0].time_ns

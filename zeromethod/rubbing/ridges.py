@@ -7,8 +7,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from zeromethod.arrays import Float
-from zeromethod.contact.stripes import refined, strongest
+from zeromethod.contact.stripes import refined, strongest, wave
 from zeromethod.rubbing.spots import Spots
 
 _REGULAR, _BY_CHANCE = 0.03, 1.0
@@ -41,22 +40,16 @@ def ridges_of(spots: Spots, before: Ridges | None = None) -> Ridges | str:
     start = strongest(light)
     if start is None:
         return "pitch: fewer than three periods in view"
-    rows, cols = np.nonzero(spots.looked)
-    at = np.stack((cols, rows), axis=-1).astype(np.float64)
-    values = light[spots.looked].astype(np.float64)
-
-    def power(cycles: Float) -> float:
-        return float(np.abs(np.sum(values * np.exp(-2j * np.pi * (at @ cycles)))) ** 2)
-
+    light[~spots.looked] = 0
     if before is not None:
         turn = np.radians(before.angle_deg)
         same = spots.pitch_mm / before.pitch_mm * np.array([np.cos(turn), np.sin(turn)])
-        if power(same) > _AS_STRONG * power(start):
+        if wave(light, same) ** 2 > _AS_STRONG * wave(light, start) ** 2:
             start = same
-    cycles = refined(values, at, start)
+    cycles = refined(light, start)
     per_mm = float(np.hypot(*cycles)) / spots.pitch_mm
     count = len(spots.sizes_mm2)
-    regular = power(cycles) / (values.size * float(values @ values))
+    regular = wave(light, cycles) ** 2 / (np.count_nonzero(spots.looked) * float((light**2).sum()))
     if regular < max(_REGULAR, _BY_CHANCE / count):
         return "pitch: nothing regular"
     strays = _STRAY / (per_mm * np.sqrt(spots.looked_mm2 * count))

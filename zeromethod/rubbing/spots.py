@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -17,14 +17,19 @@ RIM_MM = 1.0
 _DARKEST = 0.02
 _UNLIT = 0.6
 """Least light, over that of the picture at rest, of rubber between spots."""
-_LIT, _LIT_SHARE, _LIT_MM = 1.35, 0.5, 0.4
-"""Light, over that at rest, of a lit place, and what share of the rubber so far around has as much."""
+_LIT, _LIT_SHARE, _LIT_MM, _AROUND = 1.35, 0.5, (0.4, 1.5), 2.0
+"""Light, over that at rest, of a lit place; what share of the rubber around has as much: within these
+distances, so many radii of a large spot."""
 _REACH, _RING_PX = 2.0, 2
 """How far a border is blurred, in standard deviations of the blur, and how wide what lies beside it is."""
 _LEAST_PX = 5
 _FEWEST, _FEWEST_PX = 3, 400
-_EDGE_PX = 0.15
-"""Standard deviation of a spot's border, by the blur of pixel, pupil and what lies beside."""
+_MARGIN_PX = 12
+_GREY_PX = 0.1, 0.08
+"""How much further out a spot's border seems than it is, and its standard deviation, as steep rubber beside
+it looks past the white light: none where that is wider than the blur, 0.2 pixels where it is as wide."""
+_MIDDLE = 1.35
+"""Standard deviations of a blur in which a border goes through its middle half."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,8 +38,9 @@ class Spots:
 
     cover: (rows, cols) share of a pixel in contact, 0 out of `looked`, the area looked at. labels: of the
     spots in contact, 0 beside. pitch_mm, x_mm, y_mm: side of a pixel, world place of the middle of pixel
-    (0, 0). places_mm: (n, 2) centroids, sizes_mm2, cut: (n,), the last where a spot reaches out of that area.
-    edge_mm: length of all borders.
+    (0, 0). sunk_mm: (2,) how far it is off by the mirror's depth (`ContactImage`). places_mm: (n, 2)
+    centroids, sizes_mm2, cut: (n,), the last where a spot reaches out of that area. edge_mm: length of all
+    borders. blurred_mm2: by how much blur lets `cover` shrink round each spot.
     """
 
     cover: Single
@@ -43,10 +49,12 @@ class Spots:
     pitch_mm: float
     x_mm: float
     y_mm: float
+    sunk_mm: Float
     places_mm: Float
     sizes_mm2: Float
     cut: Mask
     edge_mm: float
+    blurred_mm2: float
 
     @property
     def looked_mm2(self) -> float:
@@ -57,8 +65,10 @@ class Spots:
     def share(self) -> tuple[float, float]:
         """(share of that area in contact, its standard deviation)."""
         area = self.looked_mm2
-        own = float(self.cover.sum()) * self.pitch_mm**2 / area
-        return own, self.edge_mm * _EDGE_PX * self.pitch_mm / area
+        blurred = self.blurred_mm2 * (len(self.cut) - 0.5 * float(np.count_nonzero(self.cut)))
+        grey, sigma = (self.edge_mm * each * self.pitch_mm for each in _GREY_PX)
+        own = (float(self.cover.sum()) * self.pitch_mm**2 + blurred - grey) / area
+        return own, sigma / area
 
 
 def spots_of(contact: Contact, blur_px: float) -> Spots | str:
@@ -66,23 +76,24 @@ def spots_of(contact: Contact, blur_px: float) -> Spots | str:
     image = contact.image
     if image is None:
         return "its place in mm is not known"
-    light = np.asarray(cv2.medianBlur(np.nan_to_num(image.light, nan=1.0), 3), np.float32)
     inside = _within(image, contact)
     if np.count_nonzero(inside) < _FEWEST_PX:
         return "too small to look at"
+    image, inside = _cropped(image, inside)
+    raw = np.nan_to_num(image.light, nan=1.0)
+    light = np.asarray(cv2.medianBlur(raw, 3), np.float32)
     tip = _level(light[inside])
-    inside &= _lit(light, tip, image.mm_per_px)
+    dark = np.asarray(light < tip + 0.5 * (1 - tip)) & inside
+    inside &= _lit(light, dark, image.mm_per_px)
     if np.count_nonzero(inside) < _FEWEST_PX:
         return "the LCD does not light it yet"
-    half = np.asarray(light < tip + 0.5 * (1 - tip)) & inside
-    labels, sizes = pieces(half, connectivity=8)
+    labels, sizes = pieces(dark & inside, connectivity=8)
     small = sizes < _LEAST_PX
     labels[small[labels]] = 0
     numbers = np.flatnonzero(~small & (np.arange(len(sizes)) > 0))
     if numbers.size < _FEWEST:
         return f"fewer than {_FEWEST} spots in contact"
     looked = inside & _hull(labels > 0)
-    raw = np.nan_to_num(image.light, nan=1.0)
     return _measured(
         image, np.asarray((labels > 0) & looked), looked, _covered(raw, labels > 0, tip, blur_px)
     )
@@ -99,7 +110,7 @@ def _level(light: Single) -> float:
 def _covered(light: Single, seed: Mask, tip: float, blur_px: float) -> Single:
     """Share of each pixel that spots cover: how far its light lies from what is beside them to theirs.
 
-    Whatever the blur, a spot's sum is its area.
+    The middle half of that way counts, so that neither noise does nor steep rubber, which is grey.
     """
     reach = max(1, round(_REACH * blur_px))
     grown = [cv2.dilate(seed.view(np.uint8), _disc(2 * k + 1)) > 0 for k in (reach, reach + _RING_PX)]
@@ -107,7 +118,7 @@ def _covered(light: Single, seed: Mask, tip: float, blur_px: float) -> Single:
     weight = cv2.GaussianBlur(ring, (0, 0), reach)
     beside = cv2.GaussianBlur(ring * light, (0, 0), reach) / np.maximum(weight, 1e-6)
     share = (beside - light) / np.maximum(beside - tip, 0.1)
-    return np.where(grown[0] & (weight > 1e-3), np.clip(share, 0, 1), seed).astype(np.float32)
+    return np.where(grown[0] & (weight > 1e-3), np.clip(2 * share - 0.5, 0, 1), seed).astype(np.float32)
 
 
 def _measured(image: ContactImage, seed: Mask, looked: Mask, covered: Single) -> Spots:
@@ -122,13 +133,20 @@ def _measured(image: ContactImage, seed: Mask, looked: Mask, covered: Single) ->
     own = np.zeros(int(nearest.max()) + 1, np.intp)
     own[nearest[seed]] = labels[seed]
     pixels = np.bincount(own[nearest].ravel(), cover.ravel(), count)[1:]
-    sizes = np.asarray(pixels * pitch**2, dtype=np.float64)
+    # steps along both axes are 4 / pi times as many as a border is long
+    border = 0.25 * np.pi * edge * pitch
+    # half of a round spot's light is reached blur^2 / (2 radius) further in
+    middle = np.count_nonzero((cover > 0) & (cover < 1)) * pitch**2
+    blurred = float(np.pi * (middle / (_MIDDLE * border)) ** 2)
+    grey = border * _GREY_PX[0] * pitch / len(pixels)
+    sizes = np.asarray(pixels * pitch**2 + blurred - grey, dtype=np.float64)
     rim = cv2.erode(looked.view(np.uint8), np.ones((3, 3), np.uint8), borderValue=0) == 0
     cut = np.zeros(count, np.bool_)
     cut[labels[rim]] = True
-    # steps along both axes are 4 / pi times as many as a border is long
-    border = 0.25 * np.pi * edge * pitch
-    return Spots(cover, looked, labels, pitch, image.x_mm, image.y_mm, places, sizes, cut[1:], border)
+    sunk: Float = np.array([image.sunk_x_mm, image.sunk_y_mm])
+    return Spots(
+        cover, looked, labels, pitch, image.x_mm, image.y_mm, sunk, places, sizes, cut[1:], border, blurred
+    )
 
 
 def _within(image: ContactImage, contact: Contact) -> Mask:
@@ -138,11 +156,24 @@ def _within(image: ContactImage, contact: Contact) -> Mask:
     return np.asarray(away * image.mm_per_px > RIM_MM)
 
 
-def _lit(light: Single, tip: float, mm_per_px: float) -> Mask:
+def _cropped(image: ContactImage, inside: Mask) -> tuple[ContactImage, Mask]:
+    """The part of an image about `inside`, and that of `inside`."""
+    left, top, width, height = cv2.boundingRect(inside.view(np.uint8))
+    first_col, first_row = max(left - _MARGIN_PX, 0), max(top - _MARGIN_PX, 0)
+    part = slice(first_row, top + height + _MARGIN_PX), slice(first_col, left + width + _MARGIN_PX)
+    x, y = image.x_mm + image.mm_per_px * first_col, image.y_mm + image.mm_per_px * first_row
+    cut = replace(image, light=np.ascontiguousarray(image.light[part]), x_mm=x, y_mm=y)
+    return cut, np.ascontiguousarray(inside[part])
+
+
+def _lit(light: Single, dark: Mask, mm_per_px: float) -> Mask:
     """Pixels around which the LCD is white between the spots, so that no dark fringe looks like one."""
-    side = (2 * round(_LIT_MM / mm_per_px) + 1,) * 2
+    sizes = pieces(dark, connectivity=8)[1][1:]
+    most = np.sort(sizes)[np.searchsorted(np.cumsum(np.sort(sizes)), 0.5 * sizes.sum())] if sizes.size else 0
+    reach = np.clip(_AROUND * np.sqrt(most / np.pi) * mm_per_px, *_LIT_MM)
+    side = (2 * round(float(reach) / mm_per_px) + 1,) * 2
     bright = cv2.boxFilter((light > _LIT).astype(np.float32), -1, side)
-    between = cv2.boxFilter((light > tip + 0.5 * (1 - tip)).astype(np.float32), -1, side)
+    between = cv2.boxFilter((~dark).astype(np.float32), -1, side)
     return np.asarray(bright > _LIT_SHARE * np.maximum(between, 1e-3))
 
 

@@ -38,7 +38,7 @@ class BenchDrift:
         scale_gradient: Float,
     ) -> None:
         """Of the measurable nodes: warp at rest, usable ones, LCD px per rad, h d(slope)/d(depth)."""
-        self._known_rest = rig.surface.known_rest
+        self._known_rest, self._passive = rig.surface.known_rest, rig.control.passive
         modes = BenchModes.of(optics, grid)
         self._grid, self._rest = grid, rest_q
         self._rest_q = grid.padded(rest_q, np.nan)
@@ -51,8 +51,8 @@ class BenchDrift:
         self._curl = CurlTest(integrator, np.moveaxis(slopes, -1, 0), scale_gradient)
 
     def look(self, warp: Warp) -> None:
-        """Follow the drift, in frames that are nulled."""
-        if warp.left is not None:
+        """Follow the drift, in frames that are nulled, or of a pattern that never is."""
+        if warp.left is not None and not self._passive:
             left_px = self.watch.modes.camera_px * np.sqrt(mean_square(warp.left, warp.flags))
             if left_px > _NULLED_PX:
                 return
