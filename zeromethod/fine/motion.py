@@ -3,7 +3,8 @@
 What a node's coarse readings do over the frames is fitted by a line or a parabola in time, whose end is where
 the node is now. Both are noisier than the mean, by 2 and 3, and so they are fitted only if something moves:
 all over the view then, as motion that a node's noise hides adds up to depth. A line counts as seen if its
-coefficients are beyond chance in the mean square over some nodes, or in the mean over more.
+coefficients are beyond chance in the mean square over some nodes, against that of the view, or in the mean
+over more.
 """
 
 from __future__ import annotations
@@ -127,7 +128,9 @@ def _degree(seen: Readings) -> int:
         one = found[degree - 1]
         energy = pooled(0.5 * (one**2).sum(axis=-1)) / nodes
         mean2 = np.stack([pooled(one[..., axis], _BROAD_NODES) ** 2 / broad for axis in (0, 1)])
-        if (energy > 1.0 + _SEEN * np.sqrt(INDEPENDENT / nodes))[seen.good].any():
+        # noise drifts a little, too: what the loop shows of earlier frames' noise stays for some of them
+        usual = max(float(np.median(energy[seen.good])), 1.0) if seen.good.any() else 1.0
+        if (energy > usual * (1.0 + _SEEN * np.sqrt(INDEPENDENT / nodes)))[seen.good].any():
             return degree
         if (mean2 > _SEEN**2 * INDEPENDENT)[:, seen.good].any():
             return degree
