@@ -1,8 +1,8 @@
 """Order of the carrier across a saw's seams: where the picture goes on, it does too.
 
 Neighbours settle the order of neighbours, but at a seam they may not: what a window reads that sees both
-sides is neither's. So each row says by how many periods its nodes after a seam do not go on in a line, where
-the mirror bends so little that a line says it; most rows of a seam must say the same.
+sides is neither's. So each row says by how many periods the slopes after a seam do not go on in a line,
+where the mirror bends so little that a line says it; most rows of a seam must say the same.
 """
 
 from __future__ import annotations
@@ -15,13 +15,14 @@ from zeromethod.arrays import Flags, Float, Ints, Mask
 from zeromethod.sensing.residual import Residual
 from zeromethod.warp.compose import compose
 from zeromethod.warp.rest import Rest
+from zeromethod.warp.seams import SeamMap
 from zeromethod.warp.validity import Flag
 
 _MOST_NODES = 24
 """Nodes of a row that a seam may take; dark of more is something else."""
 _CLEAR, _BENT = 0.25, 0.1
-"""Periods within which a row says a whole number of them; and by which slopes at a seam's edges may say
-otherwise than those a node further off, which is half of what a line is off by (the third derivative)."""
+"""Periods within which a row says a whole number of them; and by which the rise at a seam's very edges may
+say otherwise than a node further off, which is half of what a line is off by (the third derivative)."""
 _LEAST_ROWS, _MOST_SAY = 5, 0.75
 """Rows that say how many, and share of these that must agree."""
 _ORDERS = 8
@@ -40,30 +41,31 @@ def _gap_end(valid: Mask, seams: Ints, first: int) -> tuple[int, int]:
 
 
 @numba.njit(cache=True)
-def _off_line(moved: Float, valid: Mask, first: int, end: int) -> tuple[float, float]:
-    """By how much one row does not go on in a line over a gap; and what slopes at its edges differ by.
+def _off_line(slope: Float, x: Float, valid: Mask, first: int, end: int) -> tuple[float, float]:
+    """By how much one row's slope does not go on in a line over a gap; and what its rise at the edges says.
 
     NaN where three nodes on either side are not all known.
     """
-    wide = end - first + 1
-    if wide > _MOST_NODES or first < 3 or end > len(valid) - 3:
+    if end - first + 1 > _MOST_NODES or first < 3 or end > len(valid) - 3:
         return np.nan, np.nan
     if not (valid[first - 3 : first].all() and valid[end : end + 3].all()):
         return np.nan, np.nan
-    a, b = moved[first - 3 : first], moved[end : end + 3]
-    off = b[0] - a[2] - 0.25 * wide * (a[2] - a[0] + b[2] - b[0])
-    return off, 0.5 * wide * (a[2] - 2 * a[1] + a[0] - b[2] + 2 * b[1] - b[0])
+    a, b = slope[first - 3 : first], slope[end : end + 3]
+    half = 0.5 * (x[end] - x[first - 1])
+    before, after = half / (x[first - 1] - x[first - 3]), half / (x[end + 2] - x[end])
+    off = b[0] - a[2] - before * (a[2] - a[0]) - after * (b[2] - b[0])
+    return off, 2 * before * (a[2] - 2 * a[1] + a[0]) - 2 * after * (b[2] - 2 * b[1] + b[0])
 
 
 @numba.njit(cache=True)
-def _votes(moved: Float, valid: Mask, seams: Ints, votes: Ints) -> None:
+def _votes(slope: Float, x: Float, valid: Mask, seams: Ints, votes: Ints) -> None:
     """Into `votes` (seams + 1, orders) how many rows say that each seam's far side is so many periods off."""
     for j in range(valid.shape[0]):
         i = 0
         while i < valid.shape[1]:
             end, seam = _gap_end(valid[j], seams[j], i)
             if seam > 0:
-                off, bent = _off_line(moved[j], valid[j], i, end)
+                off, bent = _off_line(slope[j], x[j], valid[j], i, end)
                 order = np.rint(off)
                 if abs(off - order) < _CLEAR and abs(bent) < _BENT and abs(order) <= _ORDERS:
                     votes[seam, int(order) + _ORDERS] += 1
@@ -71,14 +73,14 @@ def _votes(moved: Float, valid: Mask, seams: Ints, votes: Ints) -> None:
 
 
 @numba.njit(cache=True)
-def _join(moved: Float, valid: Mask, seams: Ints, orders: Ints, out: Mask) -> None:
+def _join(slope: Float, x: Float, valid: Mask, seams: Ints, orders: Ints, out: Mask) -> None:
     """Into `out` nodes of rows between valid ones on either side of a seam of order 0 that go on in line."""
     for j in range(valid.shape[0]):
         i = 0
         while i < valid.shape[1]:
             end, seam = _gap_end(valid[j], seams[j], i)
             if seam > 0 and orders[seam] == 0:
-                out[j, i:end] = abs(_off_line(moved[j], valid[j], i, end)[0]) < 0.5
+                out[j, i:end] = abs(_off_line(slope[j], x[j], valid[j], i, end)[0]) < 0.5
             i = end + 1
 
 
@@ -98,27 +100,36 @@ def _added_up(seams: Ints, orders: Ints) -> Ints:
 
 
 class _Rows:
-    """Rows of one frame: periods moved since rest along columns, valid nodes, seams by number, 0 for none.
+    """Rows of the measurable nodes of one frame: the mirror's slopes, and where a seam is.
 
-    orders: (seams + 1,) periods by which what is after each seam is off; `_UNKNOWN` where rows do not say.
+    slopes: (2, rows, cols) in periods of the carriers, as which a seam leaves them whole: rays on either side
+    of it are not as long. seams: (rows, cols) by number, 0 for none. orders: (2, seams + 1) periods by which
+    what is after each is off; `_UNKNOWN` where rows do not say.
     """
 
-    def __init__(self, q: Float, flags: Flags, rest: Rest) -> None:
-        seam = rest.flags & np.uint16(Flag.SEAM) != 0
-        count, seams = cv2.connectedComponents(seam.astype(np.uint8))
-        self.seams: Ints = seams.astype(np.int64)
-        period = rest.grid.period_px / rest.grid.spacing_px * np.gradient(rest.q[..., 0], axis=1)
-        self.moved: Float = np.ascontiguousarray((q[..., 0] - rest.q[..., 0]) / period)
-        self.valid: Mask = (flags == 0) & ~seam
-        votes = np.zeros((count, 2 * _ORDERS + 1), np.int64)
-        _votes(self.moved, self.valid, self.seams, votes)
-        total = votes.sum(axis=1)
-        known = (votes.max(axis=1) >= _MOST_SAY * total) & (total >= _LEAST_ROWS)
-        self.orders: Ints = np.where(known, votes.argmax(axis=1) - _ORDERS, _UNKNOWN)
-
-
-def _has_seams(rest: Rest) -> bool:
-    return bool((rest.flags & np.uint16(Flag.SEAM)).any())
+    def __init__(self, q: Float, flags: Flags, rest: Rest, seams: SeamMap) -> None:
+        inner, grid = rest.grid.inner, rest.grid
+        seam = rest.flags[inner] & np.uint16(Flag.SEAM) != 0
+        count, numbers = cv2.connectedComponents(seam.astype(np.uint8))
+        self.seams: Ints = numbers.astype(np.int64)
+        self.valid: Mask = (flags[inner] == 0) & ~seam
+        periods = (
+            grid.period_px
+            / grid.spacing_px
+            * np.stack([np.gradient(rest.q, axis=k) for k in (1, 0)], axis=-1)
+        )
+        slopes = (seams.slope_per_px @ periods[inner])[rest.visible[inner]]
+        per_slope = np.linalg.inv(np.median(slopes, axis=0))
+        self.slopes: Float = np.einsum(
+            "ab,...bc,...c->a...", per_slope, seams.slope_per_px, (q - rest.q)[inner]
+        )
+        self.x_mm = seams.x_mm
+        votes = np.zeros((2, count, 2 * _ORDERS + 1), np.int64)
+        for slope, of_axis in zip(self.slopes, votes, strict=True):
+            _votes(slope, self.x_mm, self.valid, self.seams, of_axis)
+        total = votes.sum(axis=-1)
+        known = (votes.max(axis=-1) >= _MOST_SAY * total) & (total >= _LEAST_ROWS)
+        self.orders: Ints = np.where(known, votes.argmax(axis=-1) - _ORDERS, _UNKNOWN)
 
 
 def settle(residual: Residual, shown_q: Float, rest: Rest) -> None:
@@ -126,23 +137,26 @@ def settle(residual: Residual, shown_q: Float, rest: Rest) -> None:
 
     It is that of the side by whose order most nodes are near the null.
     """
-    if not _has_seams(rest):
+    if rest.seams is None:
         return
     q = compose(shown_q, residual.d, rest.grid.spacing_px)
-    rows = _Rows(q, residual.flags | rest.flags, rest)
-    if (rows.orders % _UNKNOWN == 0).all():
-        return
-    off = _added_up(rows.seams, rows.orders)
-    periods, mine = residual.d[rows.valid, 0] / rest.grid.period_px, off[rows.valid]
-    near = {side: np.count_nonzero(np.abs(periods - mine + side) < 0.5) for side in np.unique(mine)}
-    residual.d[..., 0] -= rest.grid.period_px * (off - max(near, key=lambda side: near[side]))
+    rows = _Rows(q, residual.flags | rest.flags, rest, rest.seams)
+    d, period_px = residual.d[rest.grid.inner], rest.grid.period_px
+    for axis, orders in enumerate(rows.orders):
+        if (orders % _UNKNOWN == 0).all():
+            continue
+        off = _added_up(rows.seams, orders)
+        periods, mine = d[rows.valid, axis] / period_px, off[rows.valid]
+        near = {side: np.count_nonzero(np.abs(periods - mine + side) < 0.5) for side in np.unique(mine)}
+        d[..., axis] -= period_px * (off - max(near, key=lambda side: near[side]))
 
 
 def bridged(q: Float, flags: Flags, rest: Rest) -> Mask | None:
     """Nodes (rows, cols) at seams over which order is known; None of a prism. q: as measured, LCD px."""
-    if not _has_seams(rest):
+    if rest.seams is None:
         return None
-    rows = _Rows(q, flags, rest)
-    out = np.zeros(rows.valid.shape, bool)
-    _join(rows.moved, rows.valid, rows.seams, rows.orders, out)
-    return out
+    rows = _Rows(q, flags, rest, rest.seams)
+    out = np.zeros((2, *rows.valid.shape), bool)
+    for slope, orders, joined in zip(rows.slopes, rows.orders, out, strict=True):
+        _join(slope, rows.x_mm, rows.valid, rows.seams, orders, joined)
+    return rest.grid.padded(out[0] & out[1], False)

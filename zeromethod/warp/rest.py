@@ -58,6 +58,7 @@ class Rest:
     q: (rows, cols, 2) LCD px, finite everywhere: continued where no ray arrives. flags: (rows, cols)
     uint16, NO_RAY there, SEAM at a saw's seams, else 0. visible: (rows, cols) nodes measurable and visible at
     rest: their ray ends at least one carrier period inside the panel. display_size: (columns, rows) LCD px.
+    seams: a saw's; None of a prism.
     """
 
     grid: NodeGrid
@@ -65,6 +66,7 @@ class Rest:
     flags: Flags
     visible: Mask
     display_size: tuple[int, int]
+    seams: SeamMap | None = None
 
     @cached_property
     def areas(self) -> Float:
@@ -79,7 +81,7 @@ class Rest:
         """With nodes that see a seam flagged; their warp is drawn all the same."""
         seam = self.grid.padded(seams.touched(np.zeros(seams.x_mm.shape)), False)
         flags = np.where(seam, self.flags | np.uint16(Flag.SEAM), self.flags)
-        return replace(self, flags=flags, visible=self.visible & ~seam)
+        return replace(self, flags=flags, visible=self.visible & ~seam, seams=seams)
 
     @classmethod
     def of(cls, rig: Rig, optics: Optics) -> Rest:

@@ -10,6 +10,7 @@ import numpy as np
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.optics import Lost, Optics
+from zeromethod.optics.bench import sensitivity_of_rays
 from zeromethod.optics.saw_rays import seams
 from zeromethod.warp.grid import NodeGrid
 
@@ -21,7 +22,8 @@ _FAR_PX = 1e9
 class SeamMap:
     """Seams of a rig's saw, as the measurable nodes of a grid see them.
 
-    x_mm: (rows, cols) where the nodes look on the mirror at rest.
+    x_mm: (rows, cols) where the nodes look on the mirror at rest. slope_per_px: (rows, cols, 2, 2) rad along
+    x and y that move a node's LCD position by a px along columns, and rows.
     """
 
     def __init__(self, optics: Optics, grid: NodeGrid) -> None:
@@ -48,8 +50,11 @@ class SeamMap:
         spec = optics.rig.prism.teeth
         assert spec is not None
         self._moves_px = spec.base_mm * per_mm, optics.prism.thickness_mm * per_mm
+        origin, direction = optics.rubber_rays(u, v)
+        sensitivity = sensitivity_of_rays(optics, origin, direction)
+        regular = np.asarray(np.isfinite(sensitivity)).all(axis=(-2, -1), keepdims=True)
+        self.slope_per_px: Float = np.linalg.inv(np.where(regular, sensitivity, np.eye(2)))
         # a deeper mirror is met earlier and left earlier: rays are shorter in the rubber, both ways
-        _, direction = optics.rubber_rays(u, v)
         self._deeper_px = 2.0 * float(np.nanmedian(direction[..., 0] / direction[..., 2])) / per_px
 
     @classmethod
