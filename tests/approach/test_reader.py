@@ -6,8 +6,8 @@ from watched import APPEARS_S, RIG, coming, watched
 
 from zeromethod.approach import Watching, WatchReader
 from zeromethod.approach.body import Body
-from zeromethod.approach.spot import spot_of
-from zeromethod.approach.track import UNEVEN, _radius
+from zeromethod.approach.spot import Spot, spot_of
+from zeromethod.approach.track import UNEVEN, Track, _radius
 from zeromethod.clock import SimulatedClock
 from zeromethod.errors import InputError
 from zeromethod.rig.load import load_rig
@@ -137,6 +137,50 @@ def test_what_comes_is_still_known_where_a_border_leaves_a_third_of_it_in_one_vi
     # four of its sigmas of noise, and 0.05 mm for where the fit stops
     assert np.all(np.abs(again.flat.place - whole.flat.place) < 4 * again.flat.sigma_mm + 0.05)
     assert again.flat.radius_mm == pytest.approx(10.0, abs=4 * again.flat.sigma_radius_mm + 0.05)
+
+
+def test_one_lens_whose_frames_have_the_shape_of_two_views_arms_nothing_and_is_named():
+    one = RIG.replace({"watch.columns": 160})
+    camera, reader = SimulatedWatchCamera(RIG, SimulatedClock()), WatchReader(one)
+    camera.scenario = replace(camera.scenario, objects=(coming(Form.BALL, 10.0, 60.0, 80.0),))
+    # the left lens's view alone; it armed the loop before
+    found = [
+        reader.take(camera.image(round(1e9 * frame / 30), frame)[:, :160], round(1e9 * frame / 30))
+        for frame in range(48)
+    ]
+    assert not any(each.armed for each in found)
+    assert any("views of two lenses are needed" in each.words for each in found)
+
+
+def test_a_body_that_does_not_fit_takes_no_part_in_size_and_velocity():
+    def spot(z_mm, radius_mm, rough):
+        one = Body(
+            np.array([70.0, 0.0, z_mm]), np.full(3, 0.02), radius_mm, 0.02, 5.0, 1.0, rough, 100, np.zeros(6)
+        )
+        return Spot(one, one, cut=False)
+
+    track = Track(0, spot(40.0, 5.0, 0.01))
+    for k in range(1, 12):
+        track.add(round(1e9 * k / 30), spot(40.0 - 2.0 * k, 5.0, 0.01))
+    plain = track.approach()
+    track.add(round(1e9 * 12 / 30), spot(3.0, 9.0, 0.6))
+    found = track.approach()
+    assert plain.armed
+    assert found.armed
+    assert found.contact_s == pytest.approx(plain.contact_s - 1 / 30, abs=1e-6)
+    assert found.diameter_mm == plain.diameter_mm
+
+
+def test_what_comes_and_is_seen_no_more_is_expected_for_half_a_second():
+    plate = coming(Form.PUNCH, 10.0, 40.0, 60.0)
+    camera, reader = SimulatedWatchCamera(RIG, SimulatedClock()), WatchReader(RIG)
+    armed = []
+    for frame in range(48):
+        # it vanishes 0.9 s after it came
+        camera.scenario = replace(camera.scenario, objects=(plate,) if frame < 33 else ())
+        armed.append(reader.take(camera.image(round(1e9 * frame / 30), frame), round(1e9 * frame / 30)).armed)
+    assert all(armed[30:46])
+    assert not any(armed[47:])
 
 
 def test_one_wrong_size_among_many_does_not_keep_the_loop_from_arming():

@@ -89,6 +89,7 @@ REFUSALS = [
     ("run --rig contactless --watch-camera 1", "watch.driver: 'opencv': camera and watch camera are both"),
     ("run --rig contactless --watch-camera 1 --simulate", "--simulate and --watch-camera: give one of"),
     ("run --rig odd.toml", "watch.columns: 321: an even number: two views side by side"),
+    ("run --rig one-lens.toml", "watch.baseline_mm: missing: a number above 0, from the left lens"),
     ("run --controller magic", "--controller: 'magic' is not one of 'composition', 'integrator'."),
     ("run --figure run.jpeg", "--figure: run.jpeg: the file name must end in .png"),
     ("run --summary no/such/folder/run.json", "--summary: no/such/folder/run.json: the folder "),
@@ -369,6 +370,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "shaded.toml").write_text(f"{arrays[:start]}[shade]\nof = 1\n{arrays[end:]}")
     (folder / "aside.toml").write_text(arrays.replace("x_mm = [17.0, 67.0]", "x_mm = [200.0, 300.0]"))
     watched = resource("calibration", "rigs", "contactless.toml").read_text()
+    (folder / "one-lens.toml").write_text(watched.replace("baseline_mm", "# "))
     (folder / "odd.toml").write_text(watched.replace("columns = 320 ", "columns = 321 "))
     (folder / "lit.toml").write_text(text + '\n[light]\nsource = "lamp"\n')
     for name, line in (

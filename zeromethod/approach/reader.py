@@ -9,7 +9,7 @@ import numpy as np
 
 from zeromethod.approach.approach import Approach, Watching
 from zeromethod.approach.exits import exits_of
-from zeromethod.approach.silhouettes import SOME, Background
+from zeromethod.approach.silhouettes import SOME, Background, Silhouette
 from zeromethod.approach.spot import Spot, spot_of
 from zeromethod.approach.track import MISSED_S, Track
 from zeromethod.arrays import Float, Image
@@ -19,6 +19,9 @@ from zeromethod.rig.model import Rig
 
 LEAST_GREY = 8.0
 """Mean light over black, grey levels, below which the watch camera sees nothing."""
+ONE_PICTURE = "one thing in both halves of the frame, across their seam: the views of two lenses are needed"
+CROSSED_MM = 30.0
+"""Height at which views that cross are wider than what comes: neither is it cut by both at their seam."""
 SAME_FRAMES = 4
 """Frames in a row that are the same to the last bit: a camera's noise never does that."""
 
@@ -44,6 +47,11 @@ class WatchReader:
         self._mirror = PrismGeometry(rig.prism)
         feet = [exits.foot[exits.valid].mean(axis=0) for exits in self.exits]
         self._middle: Float = np.mean(feet, axis=0)
+        left, right = (
+            (exits.foot + CROSSED_MM * exits.tangent)[exits.valid.any(axis=1)] for exits in self.exits
+        )
+        across = (left[:, -1] - left[:, 0]).mean(axis=0)
+        self._crossed = float((left[:, -1] - right[:, 0]).mean(axis=0) @ across) > 0
         self._track: Track | None = None
         self._last: Image | None = None
         self._same = 0
@@ -57,13 +65,21 @@ class WatchReader:
         halves = np.split(grey, 2, axis=1)
         found = [one.look(half) for one, half in zip(self._backgrounds, halves, strict=True)]
         known = self._track.known if self._track is not None else None
-        spots = [
-            spot
-            for left, right in product(*found)
-            if left.darker == right.darker and (spot := spot_of(self.exits, (left, right), known)) is not None
-        ]
-        approach = self._follow(spots, time_ns)
+        pairs = [(left, right) for left, right in product(*found) if left.darker == right.darker]
+        apart = [pair for pair in pairs if not self._over_seam(*pair)]
+        spots = [spot_of(self.exits, pair, known) for pair in apart]
+        approach = self._follow([spot for spot in spots if spot is not None], time_ns)
+        if approach.watching is Watching.CLEAR and any(found):
+            approach = replace(
+                approach, watching=Watching.SEEN, reason=ONE_PICTURE if len(apart) < len(pairs) else ""
+            )
         return replace(approach, watching=Watching.SEEN) if self._misses(approach) else approach
+
+    def _over_seam(self, left: Silhouette, right: Silhouette) -> bool:
+        """Whether a silhouette goes on from the left half into the right one, as in the view of one lens."""
+        joined = left.cols.stop == self._shape[1] // 2 and right.cols.start == 0
+        level = left.rows.start < right.rows.stop and right.rows.start < left.rows.stop
+        return self._crossed and joined and level
 
     def _misses(self, approach: Approach) -> bool:
         """Whether what comes touches beside the mirror, all of it."""
@@ -76,15 +92,17 @@ class WatchReader:
 
     def _follow(self, spots: list[Spot], time_ns: int) -> Approach:
         track = self._track
-        if track is not None and time_ns - track.time_ns < 1e9 * MISSED_S:
+        missed_ns = 0 if track is None else time_ns - track.time_ns
+        if track is not None and missed_ns < 1e9 * track.kept_s:
             own = [spot for spot in spots if track.fits(time_ns, spot)]
             if own:
                 track.add(
                     time_ns, min(own, key=lambda spot: float(np.linalg.norm(spot.flat.place - track.last)))
                 )
                 return track.approach()
-            track.miss()
-            return track.approach()
+            if not spots or missed_ns < 1e9 * MISSED_S:
+                track.miss()
+                return track.approach()
         self._track = None
         if not spots:
             return Approach(watching=Watching.CLEAR, time_ns=time_ns)

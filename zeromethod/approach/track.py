@@ -10,7 +10,7 @@ import numpy as np
 
 from zeromethod.approach.approach import Approach, Watching
 from zeromethod.approach.body import Body
-from zeromethod.approach.spot import Spot
+from zeromethod.approach.spot import ROUGHEST, Spot
 from zeromethod.arrays import Float
 
 WINDOWS_S = (0.5, 0.25, 0.1)
@@ -28,7 +28,7 @@ SLOWEST_MM_S = 3.0
 JUMP_MM, JUMP_SHARE = 1.0, 0.02
 """Scatter of heights about a straight line, mm and a share of the height, from which nothing comes."""
 MISSED_S = 0.12
-"""How long a track goes on without a spot."""
+"""How long a track goes on without a spot; what comes does as long as its velocity is taken to stay."""
 KEPT_S = 0.5
 """How long the loop stays armed after the time of the touch."""
 FLOOR_MM, FLOOR_SHARE = 0.03, 0.0005
@@ -93,21 +93,33 @@ class Track:
         self._whole |= not spot.cut
         self._seen.append((1e-9 * (now_ns - self._start_ns), spot))
 
+    @property
+    def kept_s(self) -> float:
+        """How long it goes on without a spot."""
+        return WINDOWS_S[0] if self._armed else MISSED_S
+
     def miss(self) -> None:
         """A frame without a spot."""
         self._run = 0
 
-    def _line(self, bodies: list[Body], times: Float) -> _Line:
-        """That of the longest time in which it went straight."""
+    def _fitting(self, bodies: list[Body]) -> tuple[list[Body], _Line]:
+        """Bodies of one kind that explain the light, and the longest straight line of them.
+
+        Of a flat and a round body the wrong one may not fit at all.
+        """
+        fits = np.flatnonzero([one.rough <= ROUGHEST for one in bodies])
+        kept = fits if fits.size >= LEAST_SPOTS else np.arange(len(bodies))
+        bodies = [bodies[k] for k in kept]
+        since = np.array([self._seen[k][0] - self._seen[-1][0] for k in kept])
         places = np.array([one.place for one in bodies])
         floor = FLOOR_MM + FLOOR_SHARE * np.abs(places[:, 2:])
         sigmas = np.hypot(floor, [one.sigma_mm * np.sqrt(max(one.misfit, 1.0)) for one in bodies])
-        for (_, spot), sigma in zip(self._seen, sigmas, strict=True):
+        for (_, spot), sigma in zip([self._seen[one] for one in kept], sigmas, strict=True):
             sigma[:2] += CUT_SHARE * spot.flat.reach_mm if spot.cut else 0.0
         for window_s in WINDOWS_S:
-            recent = times > times[-1] - window_s
+            recent = since > -window_s
             recent[-LEAST_SPOTS:] = True
-            at = times[recent] - times[-1]
+            at = since[recent]
             design = np.stack([np.ones_like(at), at], axis=1)
             line, sigma, scatter = np.empty((2, 3)), np.empty((2, 3)), np.empty(3)
             for k in range(3):
@@ -119,18 +131,18 @@ class Track:
                 sigma[:, k] = np.sqrt(np.diag(spread)) * max(scatter[k], 1.0)
             if scatter[2] < STRAIGHT:
                 break
-        return _Line(line[0], line[1], sigma[0], sigma[1], float(scatter[2] * sigmas[-1, 2]))
+        found = _Line(line[0], line[1], sigma[0], sigma[1], float(scatter[2] * sigmas[-1, 2]))
+        return bodies, found
 
     def approach(self) -> Approach:
         """What is known of it."""
         least = LEAST_SPOTS if self._whole else LEAST_CUT
         if len(self._seen) < least:
             return Approach(watching=Watching.SEEN, time_ns=self.time_ns)
-        times = np.array([at for at, _ in self._seen])
         kinds = [spot.flat for _, spot in self._seen], [spot.round_ for _, spot in self._seen]
         share = 1.0 / (1.0 + np.exp(-np.clip(sum(map(_favour, *kinds)), -50.0, 50.0)))
         shares = np.array([1.0 - share, share])
-        flat, round_ = (self._line(bodies, times) for bodies in kinds)
+        (flats, flat), (rounds, round_) = (self._fitting(bodies) for bodies in kinds)
         place = shares @ [flat.place, round_.place]
         velocity = shares @ [flat.velocity, round_.velocity]
         sigma_place = np.sqrt(shares @ [flat.sigma_place**2, round_.sigma_place**2])
@@ -140,7 +152,7 @@ class Track:
         doubt = float(np.hypot(np.sqrt(shares[0] * shares[1]), rough)) * abs(flat.place[2] - round_.place[2])
         height, speed, sigma_speed = place[2], -velocity[2], sigma_velocity[2]
         sigma_height = float(np.hypot(sigma_place[2], doubt))
-        radius, sigma_radius, uneven = shares @ [_radius(bodies) for bodies in kinds]
+        radius, sigma_radius, uneven = shares @ [_radius(bodies) for bodies in (flats, rounds)]
         figures = {
             "height_mm": height, "sigma_height_mm": sigma_height,
             "speed_mm_s": speed, "sigma_speed_mm_s": sigma_speed,

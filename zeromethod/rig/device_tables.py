@@ -198,10 +198,15 @@ class WatchSpec(CameraSpec):
     own half; the right view's is its mirror image.
     """
 
-    baseline_mm: Positive
+    baseline_mm: Positive = 0.0
 
     @model_validator(mode="after")
     def _halves(self) -> WatchSpec:
+        if not self.baseline_mm:
+            needed = "a number above 0, from the left lens to the right one"
+            raise refused(
+                "baseline_mm", None, f"{needed}; by one lens it cannot be known when something touches"
+            )
         if self.columns % 2:
             raise refused("columns", self.columns, "an even number: two views side by side")
         if self.projection != "perspective":

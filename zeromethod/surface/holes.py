@@ -3,7 +3,8 @@
 The larger of two answers. The slopes at the rim, continued linearly: exact for a cone, twice too deep for a
 paraboloid. But a narrow dent may lie wholly in the hole that it makes itself, or in one of dirt, its rim as
 flat as at rest. It cannot be read because it bends the mirror as much as folds the image: it may be as deep
-as a paraboloid of that curvature, as wide as the hole less a sensing window.
+as a paraboloid of that curvature, as wide as the hole less a sensing window. A hole that went dark may hold a
+contact smaller than itself, next to which depth goes on rising, as 1/r, to the contact's border.
 """
 
 from __future__ import annotations
@@ -21,6 +22,8 @@ from zeromethod.surface.surface import Surface
 _WINDOW_NODES = 3.0
 """Distance of a single unreadable place from the next measured node: nodes fail as far from it as the sensing
 window's half width, 2 nodes, and the next one is measured."""
+_LEAST_CONTACT_NODES = 0.5
+"""Radius of the smallest contact that darkens a node's window."""
 
 
 def fold_per_mm(bending: Float, spacing_px: float, sensitivity: Float, point: Float, nodes: Mask) -> float:
@@ -51,26 +54,54 @@ def deeper_inside_mm(surface: Surface, measured: Mask, fitted: Mask, depth_mm: f
     away = np.stack([a[unknown] - a[rim] for a in (surface.x_mm, surface.y_mm)], axis=-1)
     sign = np.sign(depth_mm)
     steeper = sign * (surface.slope[rim] * away).sum(axis=-1)
-    further = sign * surface.depth_mm[rim] + np.maximum(steeper, _bent_mm(surface, unknown, away))
+    hidden = _Holes(surface, unknown, away)
+    steeper = np.maximum(steeper, hidden.touched_mm(steeper))
+    further = sign * surface.depth_mm[rim] + np.maximum(steeper, hidden.bent_mm())
     return max(float(np.nanmax(further)) - abs(depth_mm), 0.0)
 
 
-def _bent_mm(surface: Surface, unknown: Mask, away_mm: Float) -> Float:
-    """(n,) depth of a paraboloid as bent as folds, of unknown nodes in holes with measured ones all around.
+class _Holes:
+    """Unknown nodes (n,) in holes that measured ones enclose. away_mm: (n, 2) from the next measured node."""
 
-    away_mm: (n, 2) from the next measured node.
-    """
-    _, holes, stats, _ = cv2.connectedComponentsWithStats((~surface.valid).view(np.uint8), connectivity=4)
-    rows, cols = unknown.shape
-    left, top, width, height = stats.T[:4]
-    enclosed = (left > 0) & (top > 0) & (left + width < cols) & (top + height < rows)
-    inside = enclosed[holes[unknown]]
-    if not inside.any():
-        return np.zeros(len(away_mm))
-    node_mm2 = _area(np.stack([surface.x_mm, surface.y_mm], axis=-1))[surface.valid]
-    window_mm = _WINDOW_NODES * float(np.sqrt(np.nanmedian(node_mm2)))
-    hidden_mm = np.maximum(np.hypot(*away_mm.T) - window_mm, 0.0)
-    return np.asarray(np.where(inside, 0.5 * surface.fold_per_mm * hidden_mm**2, 0.0))
+    def __init__(self, surface: Surface, unknown: Mask, away_mm: Float) -> None:
+        _, labels, stats, _ = cv2.connectedComponentsWithStats(
+            (~surface.valid).view(np.uint8), connectivity=4
+        )
+        rows, cols = unknown.shape
+        left, top, width, height = stats.T[:4]
+        enclosed = (left > 0) & (top > 0) & (left + width < cols) & (top + height < rows)
+        self._surface, self._count = surface, len(stats)
+        self._hole, self._dark = labels[unknown], surface.contact[unknown]
+        self._inside = enclosed[self._hole]
+        self._away_mm = np.hypot(*away_mm.T)
+        node_mm2 = _area(np.stack([surface.x_mm, surface.y_mm], axis=-1))[surface.valid]
+        self._node_mm = float(np.sqrt(np.nanmedian(node_mm2)))
+
+    def bent_mm(self) -> Float:
+        """(n,) depth over the rim of a paraboloid as bent as folds; 0 beside such holes."""
+        hidden_mm = np.maximum(self._away_mm - _WINDOW_NODES * self._node_mm, 0.0)
+        return np.asarray(np.where(self._inside, 0.5 * self._surface.fold_per_mm * hidden_mm**2, 0.0))
+
+    def touched_mm(self, steeper_mm: Float) -> Float:
+        """(n,) depth over the rim at the border of a contact, in holes that went dark; 0 in others.
+
+        By the mean slope all around: one flank of a dent that went dark is no contact. steeper_mm: (n,) the
+        rim's slope continued.
+        """
+        dark = self._inside & (np.bincount(self._hole[self._dark], minlength=self._count) > 0)[self._hole]
+        found = np.zeros(dark.size)
+        hole, away_mm = self._hole[dark], self._away_mm[dark]
+        radius_mm = np.zeros(self._count)
+        np.maximum.at(radius_mm, hole, away_mm)
+        inwards = np.bincount(hole, steeper_mm[dark] / np.maximum(away_mm, 1e-9), self._count)
+        slope = inwards / np.maximum(np.bincount(hole, minlength=self._count), 1)
+        contact_mm = np.maximum(
+            radius_mm - _WINDOW_NODES * self._node_mm, _LEAST_CONTACT_NODES * self._node_mm
+        )
+        # of slope * radius^2 / r, from the rim to there
+        risen_mm = slope * np.maximum(radius_mm - contact_mm, 0.0) * radius_mm / contact_mm
+        found[dark] = np.maximum(risen_mm, 0.0)[hole]
+        return found
 
 
 @lru_cache(maxsize=2)
