@@ -34,9 +34,9 @@ BENCH_160: Mapping[str, Any] = {
 """An eighth of the camera's pixels on each axis, a quarter of the LCD's."""
 
 
-def small_rig_file(path: Path, values: Mapping[str, Any] = BENCH_320) -> Path:
-    """Write the packaged rig with `values` in place of its own."""
-    save_values(resource("calibration", "rigs", "simulated.toml"), values, path)
+def small_rig_file(path: Path, values: Mapping[str, Any] = BENCH_320, of: str = "simulated") -> Path:
+    """Write the packaged rig `of` that name with `values` in place of its own."""
+    save_values(resource("calibration", "rigs", f"{of}.toml"), values, path)
     return path
 
 

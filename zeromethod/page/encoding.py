@@ -74,7 +74,7 @@ class Encoded:
         arrays, meta = self.content.arrays.get(source), self.content.meta.get(source, {})
         if arrays is None or name == "lcd":  # which is drawn elsewhere, and comes later
             return None
-        if name == "camera":
+        if name in {"camera", "projected"}:
             rows, columns = arrays["image"].shape
             return meta | {"size": [columns, rows]}, jpeg(arrays["image"], meta.get("bits", 8))
         said = {} if name in {"sigma", "place"} else meta

@@ -20,7 +20,7 @@ SETTING, CONTENT, SAID, ANSWER, DRAWING = "setting", "content", "said", "answer"
 READY, REFUSED, ASK, CALL, NEWS = "ready", "refused", "ask", "call", "news"
 """From the server: it serves (addresses); why it cannot; parts wanted next; a call; words for people."""
 
-PARTS = ("camera", "lcd", "residual", "surface", "sigma", "place", "fine", "fine_sigma")
+PARTS = ("camera", "lcd", "projected", "residual", "surface", "sigma", "place", "fine", "fine_sigma")
 """Parts that a viewer may ask for, apart from values: pictures of camera and LCD, maps of residual with mask,
 of depth, of its sigma, and of where on the mirror the nodes are, which three come of one content's part
 "surface"; depth on every pixel and its sigma, of the part "fine"."""

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from zeromethod.arrays import Bytes
 from zeromethod.loop.step import Step
 from zeromethod.operating.readings import Readings, number
 from zeromethod.page.fine_maps import FineMaps
@@ -24,7 +25,7 @@ without light."""
 class RunContent:
     """Composes contents of the newest step, and of the newest one that was read. stages: see `Content`.
 
-    fine: of the newest fine surface.
+    fine: of the newest fine surface. projected: the projector's picture.
     """
 
     readings: Readings
@@ -34,6 +35,7 @@ class RunContent:
     bits: int
     lattice: dict[str, Any]
     fine: FineMaps | None = None
+    projected: Bytes | None = None
 
     def compose(self, parts: frozenset[str]) -> Content:
         """Content with these parts; without an image or a surface, its values alone."""
@@ -51,6 +53,8 @@ class RunContent:
             if "lcd" in parts:
                 arrays["lcd"] = {"q": np.ascontiguousarray(step.commanded.q, np.float32)}
                 meta["lcd"] = {"step": step.number}
+            if "projected" in parts and self.projected is not None:
+                arrays["projected"], meta["projected"] = {"image": self.projected}, {"step": step.number}
         if read is not None and read.surface is not None and "surface" in parts:
             arrays["surface"], meta["surface"] = surface_maps(read.surface)
             meta["surface"] |= {

@@ -22,7 +22,7 @@ class RunFeed:
     """Hands the newest step of a session, and the newest that was read, to its page."""
 
     def __init__(self, page: PageProcess, session: Session, readings: Readings, clock: Clock) -> None:
-        self._page, self._readings, self._clock = page, readings, clock
+        self._page, self._session, self._readings, self._clock = page, session, readings, clock
         self._live, self._bits = session.loop.live, session.rig.camera.bits
         self._lattice = lattice_of(session.loop.grid)
         self._read: Step | None = None
@@ -44,5 +44,6 @@ class RunFeed:
             now_ms = unix_ms()
             age_ms = 1e-6 * (self._clock.now_ns() - step.time_ns)
             stages = {"exposed": now_ms - age_ms, "stepped": now_ms}
-        newest = RunContent(self._readings, step, self._read, stages, self._bits, self._lattice, self._fine)
+        maps = self._lattice, self._fine, self._session.interaction.picture
+        newest = RunContent(self._readings, step, self._read, stages, self._bits, *maps)
         self._page.offer(newest.compose)

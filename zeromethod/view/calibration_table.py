@@ -80,6 +80,8 @@ def _figures(document: dict[str, Any]) -> Iterator[tuple[str, str]]:
     fit = document["fit"]
     yield "misfit (chi-squared per number)", f"{fit['chi2_per_freedom']:.2f}"
     yield from _light(document)
+    if "projector" in document:
+        yield "sigma of the projector's picture on the mirror, mm", f"{document['projector']['sigma_mm']:.3f}"
     for edge in document.get("edge", ()):
         yield f"edge {edge['name']}", edge["words"]
     for number, press in enumerate(document.get("press", ()), start=1):

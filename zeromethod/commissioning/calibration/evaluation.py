@@ -37,6 +37,7 @@ from zeromethod.commissioning.calibration.first_fit import (
 )
 from zeromethod.commissioning.calibration.plan import Plan, Recorded
 from zeromethod.commissioning.calibration.presses import PressWarps
+from zeromethod.commissioning.calibration.projector import projector_values
 from zeromethod.commissioning.calibration.prompts import Prompts, Silent
 from zeromethod.commissioning.calibration.rest import decode
 from zeromethod.decoding.measuring import RestMeasurement
@@ -108,7 +109,13 @@ class Calibration:
         """The calibrated rig, with what is left open; "nominal" where something contradicts something."""
         known = "nominal" if self.verdict.level is Level.BAD else "calibrated"
         stated = GeometrySpec(known=known, **self.error.modes)
-        return self.fitted.rig.model_copy(update={"geometry": stated})
+        return self.fitted.rig.model_copy(update={"geometry": stated}).replace(self.projector)
+
+    @cached_property
+    def projector(self) -> dict[str, Any]:
+        """Keys and values of the rig file that say where a projector's picture falls; none where not seen."""
+        seen = self.recorded.projection
+        return {} if seen is None else projector_values(self.fitted.rig, seen)
 
     @property
     def depth_percent(self) -> float:
@@ -123,7 +130,7 @@ class Calibration:
     @property
     def values(self) -> dict[str, Any]:
         """Keys and values of the rig file that the calibration changes."""
-        return geometry_values(self.rig) | self.recorded.values
+        return geometry_values(self.rig) | self.recorded.values | self.projector
 
 
 def evaluate(

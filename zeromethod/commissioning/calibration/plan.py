@@ -12,6 +12,7 @@ from zeromethod.calibration.fingerprint import Fingerprint
 from zeromethod.calibration.panel_timing import StepTiming
 from zeromethod.calibration.shortfall import Shortfall
 from zeromethod.commissioning.calibration.presses import DEFAULT_FRAMES, DEFAULT_PATIENCE_S, PressWarps
+from zeromethod.commissioning.calibration.projector import Projection
 from zeromethod.commissioning.calibration.rest import RestFrames
 from zeromethod.commissioning.calibration.settling import Settling
 from zeromethod.commissioning.delay import DelayResult
@@ -74,8 +75,8 @@ class Recorded:
     """Everything that a bench gave, enough to evaluate it again without the bench.
 
     rig: as the rig file says, with the devices used. values: of the rig file that were measured directly
-    (response, noise, timing), by dotted key. light, delay, panel, presses: None where they were left out or
-    failed; shortfalls: what was not measured, or not well enough, and what holds in its place.
+    (response, noise, timing), by dotted key. light, delay, panel, presses, projection: None where they were
+    left out or failed; shortfalls: what was not measured, or not well enough, and what holds in its place.
     seconds: that each step took, of the machine's time. failure: why not all presses were taken, for a
     person; the plan then holds those that were. interrupted: by Ctrl-C.
     """
@@ -89,6 +90,7 @@ class Recorded:
     delay: DelayResult | None = None
     panel: StepTiming | None = None
     presses: PressWarps | None = None
+    projection: Projection | None = None
     shortfalls: tuple[Shortfall, ...] = ()
     values: dict[str, Any] = field(default_factory=dict)
     seconds: dict[str, float] = field(default_factory=dict)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import replace
 from typing import Any
 
@@ -13,6 +15,7 @@ from zeromethod.clock import HostClock
 from zeromethod.commissioning.calibration.first_fit import first_fit
 from zeromethod.commissioning.calibration.plan import Plan, Recorded
 from zeromethod.commissioning.calibration.presses import PressesEndedError, PressWarps, record_presses
+from zeromethod.commissioning.calibration.projector import PROJECTED, Projection, see_projection
 from zeromethod.commissioning.calibration.prompts import Prompts, Silent
 from zeromethod.commissioning.calibration.rest import RestFrames, capture, decode, rest_notes, sequence_for
 from zeromethod.commissioning.calibration.settling import settle
@@ -24,6 +27,7 @@ from zeromethod.commissioning.patterns import TimedPatterns
 from zeromethod.commissioning.response import MARGIN_S, PICTURES, measure_light
 from zeromethod.decoding.measuring import RestMeasurement
 from zeromethod.devices.opening import Devices
+from zeromethod.devices.projectors import Projector, open_projectors
 from zeromethod.devices.protocols import CameraLost, DisplayLost
 from zeromethod.errors import MeasurementError
 from zeromethod.rig.model import Rig
@@ -54,15 +58,19 @@ def record(
     """
     # a rest measured before has no part in what is measured now
     camera = rig.camera.model_copy(update={"rest_map": None})
-    session = _Session(rig.model_copy(update={"camera": camera}), devices, plan, prompts or Silent())
-    try:
-        return session.run()
-    except CameraLost as error:
-        raise MeasurementError(f"{session.step}: the camera is lost: {error}") from error
-    except DisplayLost as error:
-        raise MeasurementError(f"{session.step}: the display is lost: {error}") from error
-    except MeasurementError as error:
-        raise MeasurementError(f"{session.step}: {error}") from error
+    with ExitStack() as stack:
+        projectors = open_projectors(rig.projector, devices.display, stack) if rig.projector else []
+        session = _Session(
+            rig.model_copy(update={"camera": camera}), devices, plan, prompts or Silent(), projectors
+        )
+        try:
+            return session.run()
+        except CameraLost as error:
+            raise MeasurementError(f"{session.step}: the camera is lost: {error}") from error
+        except DisplayLost as error:
+            raise MeasurementError(f"{session.step}: the display is lost: {error}") from error
+        except MeasurementError as error:
+            raise MeasurementError(f"{session.step}: {error}") from error
 
 
 def _ms(bounds_s: tuple[float, float]) -> str:
@@ -70,7 +78,10 @@ def _ms(bounds_s: tuple[float, float]) -> str:
 
 
 class _Session:
-    def __init__(self, rig: Rig, devices: Devices, plan: Plan, prompts: Prompts) -> None:
+    def __init__(
+        self, rig: Rig, devices: Devices, plan: Plan, prompts: Prompts, projectors: Sequence[Projector]
+    ) -> None:
+        self._projectors = projectors
         self._given, self._devices, self._plan, self._prompts = rig, devices, plan, prompts
         self._seconds: dict[str, float] = {}
         self._values: dict[str, Any] = {}
@@ -118,10 +129,11 @@ class _Session:
         refuse_empty(found)
         for words in rest_notes(found):
             self._note(words)
-        panel, delay, presses = None, None, None
+        projection, panel, delay, presses = None, None, None, None
         try:
             if self._interrupted:
                 raise KeyboardInterrupt
+            projection = self._projection(pictures)
             self._begin("first fit")
             with prompts.part("geometry from the rest map", 1) as advance:
                 fitted = first_fit(rig, found, plan.known)
@@ -138,10 +150,25 @@ class _Session:
         del self._seconds["opening"]
         recorded = Recorded(
             *(self._given, self._plan, fingerprint, settling, frames, light, delay, panel, presses),
-            *(tuple(self._shortfalls), self._values, self._seconds, tuple(self._notes)),
+            *(projection, tuple(self._shortfalls), self._values, self._seconds, tuple(self._notes)),
             *(self._failure, self._interrupted),
         )
         return recorded, found
+
+    def _projection(self, pictures: TimedPatterns) -> Projection | None:
+        """What is seen of the projector's fringes; what is not stays as the rig file has it."""
+        if not self._projectors:
+            return None
+        self._begin("projector")
+        rig, clock = self._given, self._devices.clock
+        with self._prompts.part("projector", PROJECTED) as advance:
+            try:
+                return see_projection(
+                    rig, pictures, self._projectors, self._plan.rest_frames, clock.now_ns, advance
+                )
+            except MeasurementError as error:
+                self._note(str(error))
+                return None
 
     def _note(self, words: str) -> None:
         self._notes.append(words)

@@ -21,6 +21,7 @@ from zeromethod.calibration.shortfall import Lack, Part, Shortfall
 from zeromethod.commissioning.calibration.evaluation import Calibration
 from zeromethod.commissioning.calibration.plan import Known, Plan, Recorded
 from zeromethod.commissioning.calibration.presses import PressWarps
+from zeromethod.commissioning.calibration.projector import Projection
 from zeromethod.commissioning.calibration.rest import RestFrames
 from zeromethod.commissioning.calibration.settling import Settling
 from zeromethod.commissioning.decode import figures
@@ -74,6 +75,7 @@ _LIGHT = (
     "darkest_share=falloff.darkest",
     "advice",
 )
+_PROJECTION = tuple(f"projector/{name}" for name in Projection._fields)
 _KEPT = ("light", "delay", "panel")
 """Tables of a document that evaluating again does not change."""
 
@@ -150,6 +152,7 @@ def recall(folder: Path) -> tuple[Recorded, Stored]:
         Settling(**stored.document["settling"]),
         RestFrames(sequence, sums, int(frames)),
         presses=presses,
+        projection=Projection(*(arrays[name] for name in _PROJECTION)) if _PROJECTION[0] in arrays else None,
         shortfalls=tuple(map(_shortfall_of, stored.document.get("shortfall", ()))),
         values=_values_of(raw.get("values", {})),
         notes=tuple(raw.get("notes", ())),
@@ -175,6 +178,8 @@ def arrays_of(found: Calibration) -> dict[str, Any]:
                 arrays[f"presses/pressed_{part}"] = np.stack([of(warp) for warp in presses.pressed])
             if presses.ball is not None:
                 arrays[f"presses/ball_{part}"] = of(presses.ball)
+    if (seen := found.recorded.projection) is not None:
+        arrays |= {f"projector/{name}": places for name, places in seen._asdict().items()}
     if (light := found.recorded.light) is not None:
         arrays |= _table(light, *_LIGHT_ARRAYS)
         arrays["light/falloff"] = light.falloff.smooth.astype(np.float32)
@@ -209,6 +214,8 @@ def document_of(found: Calibration) -> dict[str, Any]:
     }
     if found.carrier is not None:
         document["carrier"] = found.carrier
+    if found.projector:
+        document["projector"] = {key.partition(".")[2]: one for key, one in found.projector.items()}
     if recorded.delay is not None:
         document["delay"] = _table(recorded.delay, *_DELAY)
     if recorded.panel is not None:

@@ -89,10 +89,12 @@ export class CameraPanel {
   }
 }
 
-export class LcdPanel {
-  constructor() {
-    this.canvas = $("lcd-canvas");
+// The LCD's picture, or the projector's, with the fingers that are down in it.
+export class PicturePanel {
+  constructor(name) {
+    this.canvas = $(name);
     this.picture = null;
+    this.pointers = [];
   }
   async take(part) {
     const picture = await bitmap(part);
@@ -112,5 +114,16 @@ export class LcdPanel {
     const at = placed(this.canvas, ...this.size);
     context.imageSmoothingQuality = "high";
     context.drawImage(this.picture, at.left, at.top, at.zoom * this.size[0], at.zoom * this.size[1]);
+    const last = new Map(this.pointers.map((event) => [event.pointerId, event]));
+    context.strokeStyle = context.fillStyle = "#ff6ad5";
+    context.lineWidth = 2 * devicePixelRatio;
+    for (const { type, pointerId, x, y, width, height, pressure } of last.values()) {
+      if (type === "pointerup" || type === "pointercancel") continue;
+      const [u, v] = [at.left + at.zoom * x, at.top + at.zoom * y];
+      context.beginPath();
+      context.ellipse(u, v, (at.zoom * width) / 2, (at.zoom * height) / 2, 0, 0, 2 * Math.PI);
+      context.stroke();
+      context.fillText(`${pointerId}: ${pressure.toFixed(2)}`, u + (at.zoom * width) / 2 + 4, v);
+    }
   }
 }

@@ -1,6 +1,6 @@
 // The page: what arrives goes to its panels, and what is looked at is asked for.
 
-import { CameraPanel, LcdPanel } from "/static/camera.js";
+import { CameraPanel, PicturePanel } from "/static/camera.js";
 import { Controls } from "/static/controls.js";
 import { DepthPanel, ResidualPanel } from "/static/depth.js";
 import { Guide } from "/static/guide.js";
@@ -14,10 +14,11 @@ import { Timeline } from "/static/timeline.js";
 
 const $ = (id) => document.getElementById(id);
 const WORDS_MS = 200;
-const SLOW_MS = { residual: 250, lcd: 300, place: 3000, sigma: 500 };
+const SLOW_MS = { residual: 250, lcd: 300, projected: 100, place: 3000, sigma: 500 };
 const visible = (id) => !$(id).hidden && $(id).offsetParent !== null;
 
-const camera = new CameraPanel(), lcd = new LcdPanel(), depth = new DepthPanel(), residual = new ResidualPanel();
+const lcd = new PicturePanel("lcd-canvas"), projector = new PicturePanel("projector-canvas");
+const camera = new CameraPanel(), depth = new DepthPanel(), residual = new ResidualPanel();
 const solid = new SolidPanel(), history = new History(), guide = new Guide();
 const asked = {};
 let lattice = null, arrived = 0, painted = 0, stated = "", waiting = null;
@@ -42,6 +43,7 @@ function wanted() {
   }
   if ((visible("residual-tab") || $("show-mask").checked) && due("residual")) next.push("residual");
   if (visible("lcd-tab") && due("lcd")) next.push("lcd");
+  if ((visible("projector-tab") || $("projector-button").hidden) && due("projected")) next.push("projected");
   return document.hidden ? { next: [] } : { next, probe: depth.probe };
 }
 
@@ -86,6 +88,11 @@ async function content(message, ask) {
   if (Object.keys(values).length) paint(values);
   if (parts.surface && depth.place) solid.take(depth.surface, depth.place, depth.scales.depth);
   if (parts.lcd) lcd.take(parts.lcd).then(() => lcd.paint());
+  if (parts.projected) {
+    $("projector-button").hidden = false; // only a rig that has a projector has the tab
+    projector.pointers = values.pointers ?? [];
+    projector.take(parts.projected).then(() => projector.paint());
+  }
 }
 
 // How long ago what is on the screen now was exposed.
@@ -179,6 +186,7 @@ function repaint() {
   recolour();
   camera.paint();
   lcd.paint();
+  projector.paint();
   depth.paint();
   residual.paint();
   solid.paint(true);
