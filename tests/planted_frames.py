@@ -22,6 +22,12 @@ EIGHT = [(2 * np.pi * t / 8, 6 * np.pi * t / 8) for t in range(8)]
 """Phases of eight frames that determine all unknowns equally well."""
 
 
+def to_and_fro(frames: int) -> np.ndarray:
+    """(N, 2) phases, rad, of a target that steps by a 16th of a period along u and an 8th along v."""
+    places = np.stack([np.arange(frames), np.arange(frames) + 8], axis=-1) % 32
+    return 2 * np.pi / 16 * np.minimum(places, 32 - places) * (1, 2)
+
+
 @dataclass(frozen=True)
 class PlantedFrames:
     """A rig, and what its camera would see of a mirror without any error but noise."""

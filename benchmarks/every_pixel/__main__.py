@@ -17,6 +17,7 @@ The whole view:
   press that a matched filter finds at 100 places of it;
 - press: one of 5 nm (8 nm where the lever is short), sigma 5 mm, by a matched filter;
 - pads: sigma 5 mm at 2, 10 and 50 um, binned by 2, against open loops;
+- moving: a pad of 50 um that slides, binned by 2: errors over stated sigma;
 - mean: that of 10,000 frames, with jitter, a wrong delay and the chip's fixed pattern;
 - loop: its time with the target still, moving, and read alongside; what a reading takes.
 
@@ -34,7 +35,7 @@ from pathlib import Path
 import click
 import numpy as np
 
-from benchmarks.every_pixel import parts
+from benchmarks.every_pixel import moving, parts
 from benchmarks.every_pixel.parts import DENTS, PADS_MM, REST_FRAMES, Found
 from benchmarks.every_pixel.scenes import PUPIL_MM, WAVE_HIGH_MM, WAVE_MM
 from benchmarks.report import Figure, Report, benchmark, start
@@ -42,7 +43,7 @@ from zeromethod.atomic_write import atomic_write
 from zeromethod.fine.reader import FRAMES
 from zeromethod.view.progress import progress
 
-PARTS = "dents", "waves", "rest", "press", "pads", "mean", "loop"
+PARTS = "dents", "waves", "rest", "press", "pads", "moving", "mean", "loop"
 
 
 @dataclass(frozen=True)
@@ -67,6 +68,9 @@ def cases(seeds: int, quick: bool) -> list[Case]:
     for seed in range(wide):
         out.append(Case("rest", "rest", seed, partial(parts.rest, seed)))
         out += [Case("pads", f"{1e3 * d:g} um", seed, partial(parts.pad, d, seed)) for d in PADS_MM]
+        out += [
+            Case("moving", f"{v:g} mm/s", seed, partial(moving.slide, v, seed)) for v in moving.SPEEDS_MM_S
+        ]
     out += [Case("press", "press", seed, partial(parts.tiny_press, seed)) for seed in range(2 * wide)]
     long, binning = (240, 4) if quick else (10_000, 1)
     out.append(Case("mean", "mean", 0, partial(parts.long_mean, long, binning)))
@@ -173,6 +177,20 @@ def figures(found: Results) -> list[Figure]:
         memory_mb, reading_ms = float(of["memory_mb"][0]), float(of["reading_ms"][0])
         add("memory of the process that reads pixels", f"{memory_mb:.0f} MB", "400 MB", memory_mb < 400.0)
         add("its processor time for a reading", f"{reading_ms:.0f} ms", "500 ms", reading_ms <= 500.0)
+    return out + moving_figures(found)
+
+
+def moving_figures(found: Results) -> list[Figure]:
+    """Errors over stated sigma while a pad slides."""
+    out = []
+    for name in found.names("moving"):
+        of = found.of("moving", name)
+        nm = {one: rms(of[f"{one}, nm"]) for one in ("nodes", "pixels", "one frame")}
+        for one in ("nodes", "pixels"):
+            ratio = rms(of[f"{one}, over sigma"])
+            label = f"pad sliding at {name}, {len(of['nodes, nm'])} seeds: error over sigma, {one}"
+            value = f"{ratio:.2f} ({nm[one]:.0f} nm; one frame {nm['one frame']:.0f} nm)"
+            out.append(Figure(label, value, "0.85 to 1.15", 0.85 <= ratio <= 1.15))
     return out
 
 

@@ -89,6 +89,16 @@ def test_pictures_that_came_late_are_found_and_taken_out():
     assert np.abs(found).max() < 8e-4
 
 
+def test_a_mirror_that_moves_steadily_is_not_taken_for_pictures_that_came_late():
+    steps = to_and_fro(24)
+    far = np.zeros((*SHAPE, 2))
+    far[:, :128] = 0.5, -0.3
+    moving = [images_of([one], planted() + t / 24 * far, 0.5)[0] for t, one in enumerate(steps)]
+    found_s = lateness(moving, steps, Design.of(steps), 0.6, SCAN)
+    # taken for it, half a pixel of half the view would be 0.5 to 2 ms; 6 us in a frame, and second order
+    assert np.abs(found_s).max() < 4e-5
+
+
 def test_rows_that_are_scanned_more_slowly_than_assumed_are_found():
     steps, late_s = to_and_fro(24), 1e-3 * (0.5 + np.tile(SCAN, (24, 1)))
     images, noise = images_of(steps, planted(), 0.5, late_s), Noise()

@@ -1,9 +1,9 @@
 """Lateness of each frame's pictures against the log, from the frames themselves.
 
 A picture that comes late shifts the seen phases of a whole frame by a known profile over its rows, a mirror
-that stays does not. What the fit of all frames leaves over says by how much each came late. A lateness whose
-sign changes with the steps' would look like a displacement, along u and along v; as the two carriers turn at
-different times, none does along both.
+that stays, or moves steadily, does not. What the fit of all frames leaves over says by how much each came
+late. A lateness whose sign changes with the steps' would look like a displacement, along u and along v; as
+the two carriers turn at different times, none does along both.
 
 Rows that are scanned more slowly than the rig file says come late in all frames alike, and more so the later
 their turn: a panel at 59.94 Hz in place of 60 is 17 us late in its last row.
@@ -77,17 +77,25 @@ def lateness(
         turned = np.zeros((len(basis), count, UNKNOWNS))
         turned[..., 1::2] = per_late * basis[..., 2::2]
         turned[..., 2::2] = -per_late * basis[..., 1::2]
-        left_over = np.eye(count) - basis @ solution
+        left_over = _left_over(basis)
         of_row = (turned @ of_each @ np.swapaxes(turned, 1, 2)) * left_over
         of_place = np.stack([np.ones(len(basis)), scan[rows]])
         normal += np.einsum("ar,br,rst->abst", of_place, of_place, of_row)
-        right += of_place @ (turned * (np.swapaxes(of_grey, 1, 2) - basis @ of_each)).sum(axis=2)
+        right += of_place @ ((turned @ of_grey) * left_over).sum(axis=2)
     if not normal.any():
         return np.zeros((count, len(scan)))
     whole = np.block([[normal[0, 0], normal[0, 1].sum(axis=1, keepdims=True)],
                       [normal[0, 1].sum(axis=0, keepdims=True), normal[1, 1].sum()]])  # fmt: skip
     late = _likeliest(whole / noise_grey**2, np.append(right[0], right[1].sum()) / noise_grey**2)
     return np.asarray(late[:-1, None] + late[-1] * scan)
+
+
+def _left_over(basis: Float) -> Float:
+    """(rows, N, N) what unknowns of basis (rows, N, 5) leave over if all but the mean may change steadily."""
+    count = basis.shape[1]
+    steadily = basis[..., 1:] * np.linspace(-1.0, 1.0, count)[:, None]
+    every = np.linalg.qr(np.concatenate([basis, steadily], axis=-1))[0]
+    return np.asarray(np.eye(count) - every @ np.swapaxes(every, 1, 2))
 
 
 def _likeliest(normal: Float, right: Float) -> Float:

@@ -14,6 +14,7 @@ from zeromethod.fine.blend import blend, blended_variance, fine_share
 from zeromethod.fine.demodulate import Design
 from zeromethod.fine.frames import FineFrame, FrameSequence, matvec
 from zeromethod.fine.lattice import PixelLattice
+from zeromethod.fine.motion import Motion, Readings
 from zeromethod.sensing.window import triangle
 from zeromethod.warp.compose import compose
 from zeromethod.warp.grid import NodeGrid
@@ -42,8 +43,8 @@ class NodeWindows:
 
     warp: measured, blended. shown: (rows, cols, 2) the frames' mean. offset: (rows, cols, 2) LCD px to add to
     shown o (id + d), with the pixels' d. window: (rows, cols, 2) their mean over each node's window, LCD px,
-    the blended one where there is none. share: (rows, cols) of the fit of all frames in the blend. bending:
-    (rows, cols, 2, 2) Jacobian of the shown warp.
+    the blended one where there is none. share: (rows, cols) of what pixels see beyond the nodes, as they see
+    it in the mean of the frames. bending: (rows, cols, 2, 2) Jacobian of the shown warp.
     """
 
     warp: Warp
@@ -65,7 +66,7 @@ def read_nodes(
     usable: Mask,
     standing: Mask,
 ) -> NodeWindows:
-    """Blend of the newest frame's nodes with the window means of the fit of all frames.
+    """Blend of the newest frame's nodes with window means of the fit of all frames, and what has moved since.
 
     sequence, design: of the frames, whose pictures came late by late_s (N, image rows). d, variance: (rows,
     cols, 2) of the pixels between the nodes, camera px and px^2, of which `usable` (rows, cols) are;
@@ -90,20 +91,25 @@ def read_nodes(
     valid = np.logical_and.reduce([frame.measured.valid for frame in frames])
     across = np.asarray(np.linalg.inv(bending), np.float64)
     turns = np.stack([one.phase_rad[rows] for one in sequence.steps])
-    share = fine_share(matvec(across, coarse - shown), matvec(across * across, noise2), valid, turns)
-    share[~np.isfinite(fine).all(axis=-1)] = 0.0
+    d_variance = matvec(across * across, noise2)
+    times = np.array([frame.measured.time_ns for frame in frames], np.float64)
+    seen = Readings.of(matvec(across, coarse - shown), d_variance, valid, turns, times)
+    motion, known = Motion.of(seen, d_variance, design.weights), np.isfinite(fine).all(axis=-1)
+    # the pixels' mean is late by what the nodes' fit is ahead of it
+    share, fitted = (np.where(known, fine_share(seen, degree), 0.0) for degree in (0, motion.degree))
     # what is too fine or steep for a window may still be seen pixel by pixel
     still, _ = lattice.window_means(standing[..., None].astype(np.float32), usable)
     by_pixels = grid.padded((part > _WHOLE_WINDOW) & (still[..., 0] > _WHOLE_WINDOW), False)
-    by_pixels &= ~valid & (newest.flags & _SEEN_BY_PIXELS == newest.flags) & np.isfinite(fine).all(axis=-1)
+    by_pixels &= ~valid & (newest.flags & _SEEN_BY_PIXELS == newest.flags) & known
     share[by_pixels] = 1.0
     pixels2, _ = lattice.window_means(variance, usable)
     gain = float((triangle(grid.period_px) ** 2).sum()) ** 2
     with np.errstate(invalid="ignore", divide="ignore"):
         window2 = grid.padded(gain * pixels2 / part[..., None], np.nan)
-    fine2 = matvec(bending * bending, window2)
-    q = blend(coarse[-1], fine, share)
-    sigma = np.sqrt(blended_variance(newest.sigma**2, fine2, share, len(frames)))
+        fine2 = matvec(bending * bending, window2)
+        now2 = fine2 + matvec(bending * bending, motion.excess * d_variance)
+    q = blend(coarse[-1], fine + matvec(bending, motion.ahead), fitted)
+    sigma = np.sqrt(blended_variance(newest.sigma**2, now2, fitted, float(motion.ends[-1])))
     flags = np.where(by_pixels, np.uint16(0), newest.flags)
     sigma = np.where(by_pixels[..., None], np.sqrt(np.maximum(fine2, 0.0)), sigma)
     warp = Warp(np.where(by_pixels[..., None], fine, q), sigma, flags, newest.time_ns, Role.MEASURED)
