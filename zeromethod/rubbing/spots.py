@@ -25,9 +25,9 @@ _REACH, _RING_PX = 2.0, 2
 _LEAST_PX = 5
 _FEWEST, _FEWEST_PX = 3, 400
 _MARGIN_PX = 12
-_GREY_PX = 0.1, 0.08
-"""How much further out a spot's border seems than it is, and its standard deviation, as steep rubber beside
-it looks past the white light: none where that is wider than the blur, 0.2 pixels where it is as wide."""
+_GREY = 0.22, 0.18
+"""How much further out a spot's border seems than it is, over the standard deviation of its blur, and what is
+open of it, as steep rubber beside it is grey: none where that is wider than the blur, 0.45 where as wide."""
 _MIDDLE = 1.35
 """Standard deviations of a blur in which a border goes through its middle half."""
 
@@ -40,7 +40,7 @@ class Spots:
     spots in contact, 0 beside. pitch_mm, x_mm, y_mm: side of a pixel, world place of the middle of pixel
     (0, 0). sunk_mm: (2,) how far it is off by the mirror's depth (`ContactImage`). places_mm: (n, 2)
     centroids, sizes_mm2, cut: (n,), the last where a spot reaches out of that area. edge_mm: length of all
-    borders. blurred_mm2: by how much blur lets `cover` shrink round each spot.
+    borders. blur_mm: standard deviation of their blur.
     """
 
     cover: Single
@@ -54,7 +54,7 @@ class Spots:
     sizes_mm2: Float
     cut: Mask
     edge_mm: float
-    blurred_mm2: float
+    blur_mm: float
 
     @property
     def looked_mm2(self) -> float:
@@ -65,8 +65,8 @@ class Spots:
     def share(self) -> tuple[float, float]:
         """(share of that area in contact, its standard deviation)."""
         area = self.looked_mm2
-        blurred = self.blurred_mm2 * (len(self.cut) - 0.5 * float(np.count_nonzero(self.cut)))
-        grey, sigma = (self.edge_mm * each * self.pitch_mm for each in _GREY_PX)
+        blurred = np.pi * self.blur_mm**2 * (len(self.cut) - 0.5 * float(np.count_nonzero(self.cut)))
+        grey, sigma = (self.edge_mm * each * self.blur_mm for each in _GREY)
         own = (float(self.cover.sum()) * self.pitch_mm**2 + blurred - grey) / area
         return own, sigma / area
 
@@ -137,15 +137,15 @@ def _measured(image: ContactImage, seed: Mask, looked: Mask, covered: Single) ->
     border = 0.25 * np.pi * edge * pitch
     # half of a round spot's light is reached blur^2 / (2 radius) further in
     middle = np.count_nonzero((cover > 0) & (cover < 1)) * pitch**2
-    blurred = float(np.pi * (middle / (_MIDDLE * border)) ** 2)
-    grey = border * _GREY_PX[0] * pitch / len(pixels)
-    sizes = np.asarray(pixels * pitch**2 + blurred - grey, dtype=np.float64)
+    blur = float(middle / (_MIDDLE * border))
+    grey = border * _GREY[0] * blur / len(pixels)
+    sizes = np.asarray(pixels * pitch**2 + np.pi * blur**2 - grey, dtype=np.float64)
     rim = cv2.erode(looked.view(np.uint8), np.ones((3, 3), np.uint8), borderValue=0) == 0
     cut = np.zeros(count, np.bool_)
     cut[labels[rim]] = True
     sunk: Float = np.array([image.sunk_x_mm, image.sunk_y_mm])
     return Spots(
-        cover, looked, labels, pitch, image.x_mm, image.y_mm, sunk, places, sizes, cut[1:], border, blurred
+        cover, looked, labels, pitch, image.x_mm, image.y_mm, sunk, places, sizes, cut[1:], border, blur
     )
 
 
