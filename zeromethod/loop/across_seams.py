@@ -25,6 +25,8 @@ _CLEAR, _BENT = 0.25, 0.1
 say otherwise than a node further off, which is half of what a line is off by (the third derivative)."""
 _LEAST_ROWS, _MOST_SAY = 5, 0.75
 """Rows that say how many, and share of these that must agree."""
+_SAME = 0.1
+"""Periods from what was expected, or whole ones more, up to which a node has not moved."""
 _ORDERS = 8
 """Periods, at most, that are told apart."""
 _UNKNOWN = _ORDERS + 1
@@ -113,13 +115,9 @@ class _Rows:
         count, numbers = cv2.connectedComponents(seam.astype(np.uint8))
         self.seams: Ints = numbers.astype(np.int64)
         self.valid: Mask = (flags[inner] == 0) & ~seam
-        periods = (
-            grid.period_px
-            / grid.spacing_px
-            * np.stack([np.gradient(rest.q, axis=k) for k in (1, 0)], axis=-1)
-        )
-        slopes = (seams.slope_per_px @ periods[inner])[rest.visible[inner]]
-        per_slope = np.linalg.inv(np.median(slopes, axis=0))
+        steps = np.stack([np.gradient(rest.q, axis=k) for k in (1, 0)], axis=-1)[inner]
+        period = np.median((seams.slope_per_px @ steps)[rest.visible[inner]], axis=0)
+        per_slope = np.linalg.inv(grid.period_px / grid.spacing_px * period)
         self.slopes: Float = np.einsum(
             "ab,...bc,...c->a...", per_slope, seams.slope_per_px, (q - rest.q)[inner]
         )
@@ -132,23 +130,43 @@ class _Rows:
         self.orders: Ints = np.where(known, votes.argmax(axis=-1) - _ORDERS, _UNKNOWN)
 
 
-def settle(residual: Residual, shown_q: Float, rest: Rest) -> None:
-    """Bring `residual.d`, in place, to one order over all seams whose rows say it.
+def _off_expected(away: Float, valid: Mask, teeth: Ints) -> Ints | None:
+    """Periods (teeth,) by which most nodes of each tooth are off what was expected; None where they move.
 
-    It is that of the side by whose order most nodes are near the null.
+    away: (rows, cols) periods from what was expected, NaN for nothing. teeth: (rows, cols) by number.
+    """
+    order = np.rint(away)
+    says = valid & (np.abs(away - order) < _SAME) & (np.abs(order) <= _ORDERS)
+    size = np.bincount(teeth[valid & np.isfinite(away)], minlength=teeth.max() + 1)
+    each = (2 * _ORDERS + 1) * teeth[says] + order[says].astype(np.int64) + _ORDERS
+    votes = np.bincount(each, minlength=len(size) * (2 * _ORDERS + 1)).reshape(len(size), -1)
+    most: Ints = votes.argmax(axis=1) - _ORDERS
+    return most if (2 * votes.max(axis=1) > np.maximum(size, _LEAST_ROWS)).all() else None
+
+
+def settle(residual: Residual, shown_q: Float, expected_px: Float, rest: Rest) -> None:
+    """Bring `residual.d`, in place, to one order over all seams.
+
+    In a mirror that rests that of what was expected, (rows, cols, 2) camera px, NaN for nothing: some nodes
+    may see the fringes of a burst. Else what rows say, on the side by whose order most nodes are near the
+    null.
     """
     if rest.seams is None:
         return
+    d, period_px = residual.d[rest.grid.inner], rest.grid.period_px
     q = compose(shown_q, residual.d, rest.grid.spacing_px)
     rows = _Rows(q, residual.flags | rest.flags, rest, rest.seams)
-    d, period_px = residual.d[rest.grid.inner], rest.grid.period_px
+    teeth = _added_up(rows.seams, np.ones(rows.orders.shape[1], np.int64))
+    away = (d - expected_px[rest.grid.inner]) / period_px
     for axis, orders in enumerate(rows.orders):
-        if (orders % _UNKNOWN == 0).all():
-            continue
-        off = _added_up(rows.seams, orders)
-        periods, mine = d[rows.valid, axis] / period_px, off[rows.valid]
-        near = {side: np.count_nonzero(np.abs(periods - mine + side) < 0.5) for side in np.unique(mine)}
-        d[..., axis] -= period_px * (off - max(near, key=lambda side: near[side]))
+        by_tooth = _off_expected(away[..., axis], rows.valid, teeth)
+        if by_tooth is not None:
+            d[..., axis] -= period_px * by_tooth[teeth]
+        elif (orders % _UNKNOWN != 0).any():
+            off = _added_up(rows.seams, orders)
+            periods, mine = d[rows.valid, axis] / period_px, off[rows.valid]
+            near = {side: np.count_nonzero(np.abs(periods - mine + side) < 0.5) for side in np.unique(mine)}
+            d[..., axis] -= period_px * (off - max(near, key=lambda side: near[side]))
 
 
 def bridged(q: Float, flags: Flags, rest: Rest) -> Mask | None:

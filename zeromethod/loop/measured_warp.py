@@ -196,7 +196,7 @@ def measure_warp(
     """
     grid = rest.grid
     shown = observation.shown
-    settle(residual, shown.q, rest)
+    settle(residual, shown.q, known.residual_px, rest)
     q = compose(shown.q, residual.d, grid.spacing_px)
     if blur is not None:
         blur.add_hidden(shown.q, q)
