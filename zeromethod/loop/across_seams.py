@@ -161,7 +161,7 @@ def settle(
     if blind is not None:
         flags[blind] |= np.uint16(Flag.CODED)
     rows = _Rows(q, flags, rest, rest.seams)
-    pieces = cv2.connectedComponents(rows.valid.astype(np.uint8), connectivity=4)[1]
+    pieces = cv2.connectedComponents(rows.valid.astype(np.uint8), connectivity=4)[1].astype(np.int64)
     teeth = _added_up(rows.seams, np.ones(rows.orders.shape[1], np.int64))
     away = (d - expected_px[rest.grid.inner]) / period_px
     for axis, orders in enumerate(rows.orders):
