@@ -70,8 +70,11 @@ REFUSALS = [
     ("run --frames 0", "--frames: 0: a whole number from 1"),
     (
         "run --rig interactive --rubbing",
-        "--rubbing: not under a cloth (rig, [cloth] or [projector]), which hides what rubs",
+        "--rubbing: not under a cloth ([cloth] or [projector]), which hides what rubs",
     ),
+    ("run --rig printed --rubbing", "--rubbing: not under a lamp or on a saw ([light] or [prism.teeth])"),
+    ("run --passive --rubbing", "--rubbing: not in a passive run, in which nothing is lit white"),
+    ("run --rig thinn", "cylinder, dome, interactive, leds, paper,"),
     ("run --frames 3 --seconds 1", "--frames and --seconds: give one of them, not both"),
     ("run --rig ring.toml", "light.ring_mm: [30.0, 20.0]: inner, outer with inner below outer"),
     ("run --rig room.toml", "light.room: -0.1: "),

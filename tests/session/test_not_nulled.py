@@ -4,7 +4,7 @@ import pytest
 
 from zeromethod.loop.state import State
 from zeromethod.loop.step import StepFigures
-from zeromethod.session.summary import not_nulled
+from zeromethod.session.summary import not_nulled, read_until_s
 
 RATE_HZ = 10.0
 A, N, R, P, U = State.STARTING, State.NULLING, State.RESTING, State.PAUSED, State.UNCALIBRATED
@@ -36,3 +36,15 @@ def records(*parts: tuple[State, float], phase: str = "") -> list[StepFigures]:
 )
 def test_a_run_that_is_not_nulled_when_it_should_be_says_when(parts, phase, when):
     assert not_nulled(records(*parts, phase=phase)) == when
+
+
+@pytest.mark.parametrize(
+    ("parts", "until_s"),
+    [
+        (((R, 0.3), (N, 0.5)), 0.2),  # pressed until it ended: the figures are those of before
+        (((R, 0.3), (N, 0.5), (R, 0.2)), None),
+        (((N, 0.5),), None),  # never read: no figures
+    ],
+)
+def test_figures_of_a_run_that_ends_under_a_press_say_until_when_it_was_read(parts, until_s):
+    assert read_until_s(records(*parts)) == (None if until_s is None else pytest.approx(until_s))

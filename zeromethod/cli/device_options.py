@@ -205,8 +205,8 @@ def with_given(rig: Rig, scenario: str | None, **tables: Mapping[str, Any]) -> R
         given = {key: value for key, value in values.items() if value is not None}
         update[table] = getattr(rig, table).model_copy(update=given)
     changed = rig.model_copy(update=update)
-    if changed.control.rubbing and changed.under_cloth:
-        raise InputError("--rubbing: not under a cloth (rig, [cloth] or [projector]), which hides what rubs")
+    if changed.control.rubbing and (hidden := changed.rubs_unseen):
+        raise InputError(f"--rubbing: not {hidden}")
     return changed
 
 

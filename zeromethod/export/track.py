@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from zeromethod.atomic_write import atomic_write
+from zeromethod.errors import InputError
 from zeromethod.export.selection import SelectedSteps
 from zeromethod.recording.columns import CONTACT_STATUS
 from zeromethod.recording.recording import Recording
@@ -60,6 +61,9 @@ def export_status(
 ) -> dict[str, Any]:
     """Write how a texture rubbed, a line for each frame with a contact status, empty where not known."""
     rows = {int(row["step"]): row for row in recording.tables.contact_status()}
+    if not recording.rig.control.rubbing:
+        what = "recorded without --rubbing, so that it has no contact status"
+        raise InputError(f"--format rubbing: {recording.path}: {what}")
     names = [name for name in CONTACT_STATUS if name not in ("step", "time_ns")]
     with atomic_write(path) as part, part.open("w", newline="", encoding="utf-8") as file:
         lines = csv.writer(file, lineterminator="\n")

@@ -36,7 +36,7 @@ def rig_path(name: str | Path) -> Path:
     if str(name) in LIGHT_ARRAYS:
         raise InputError(f"rig: {shown(str(name))}: {_ARRAYS_ONLY}")
     if str(name) not in packaged_rigs():
-        known = ", ".join(packaged_rigs())
+        known = ", ".join(sorted({*packaged_rigs(), *LIGHT_ARRAYS}))
         raise InputError(f"rig: {shown(str(name))}: a file, or one of the packaged {known}")
     return resource("calibration", "rigs", f"{name}.toml")
 

@@ -111,10 +111,21 @@ class Rig(Table):
         """Whether a cloth lies on the mirror, through which fingers press: simulated, or of a projector."""
         return self.cloth is not None or self.projector is not None
 
+    @property
+    def rubs_unseen(self) -> str:
+        """Why what rubs is not seen, "" where it is."""
+        if self.under_cloth:
+            return "under a cloth ([cloth] or [projector]), which hides what rubs"
+        if not self.outlines_contacts:
+            return "under a lamp or on a saw ([light] or [prism.teeth]), where contacts are not outlined"
+        return (
+            "in a passive run, in which nothing is lit white inside contacts" if self.control.passive else ""
+        )
+
     @model_validator(mode="after")
     def _rubbed(self) -> Rig:
-        if self.under_cloth and self.control.rubbing:
-            raise refused("control.rubbing", True, "false under a cloth: what rubs is not seen through it")
+        if self.control.rubbing and (hidden := self.rubs_unseen):
+            raise refused("control.rubbing", True, f"false {hidden}")
         return self
 
     @model_validator(mode="after")

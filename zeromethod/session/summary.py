@@ -131,6 +131,14 @@ def _peak(among: list[StepFigures]) -> Figures:
     return dict(zip(_PEAK, chosen.tolist(), strict=True)) | {_WHERE: where.value}
 
 
+def read_until_s(records: list[StepFigures]) -> float | None:
+    """When a run that ends *nulling* was read for the last time; None of any other run."""
+    running = [record for record in records if record.state is not State.STOPPED]
+    if not running or running[-1].state is not State.NULLING:
+        return None
+    return next((record.time_s for record in reversed(running) if record.state in READ), None)
+
+
 def _last_reason(records: list[StepFigures]) -> str:
     """Why the last of the frames that were not nulled was not."""
     return next((one.reason for one in reversed(records) if one.state is State.NULLING), "no frame measured")
@@ -188,6 +196,7 @@ def summarise(result: RunResult) -> Figures:
         "reason": last.reason if last else "",
         "figures_of": "hold" if hold else "run",
         "nulled_frames": len(nulled),
+        "read_until_s": None if hold else read_until_s(records),
         "not_nulled": unheld,
         "not_nulled_reason": "" if unheld is None else _last_reason(held),
         "events": result.events,

@@ -92,7 +92,9 @@ def _title(figures: dict[str, Any]) -> str:
     parts = [f"zeromethod  rig {figures['rig']}{scenario}, {figures['controller']}"]
     read_mm, truth = figures["depth_peak_mm"], figures["truth"]
     if read_mm is not None:
-        parts.append(f"peak {read_mm:.5f} ± {figures['depth_peak_sigma_mm']:.5f} mm")
+        until_s = figures["read_until_s"]
+        until = "" if until_s is None else f" until {until_s:.2f} s, not nulled since"
+        parts.append(f"peak {read_mm:.5f} ± {figures['depth_peak_sigma_mm']:.5f} mm{until}")
     if truth is not None:
         true_mm = truth["depth_deepest_mm"]
         low = f" ({100 * (read_mm / true_mm - 1):+z.2f} %)" if read_mm is not None and true_mm else ""
