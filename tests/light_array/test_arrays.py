@@ -153,7 +153,7 @@ def test_a_recording_repeats_bit_for_bit_and_says_so_where_it_does_not(tmp_path)
         recorded["readings"][-600] = row
     assert "not the same" in run("replay", file).out
     refused = run("report", file)
-    assert (refused.code, "which `zeromethod replay` alone reads" in refused.err) == (2, True)
+    assert (refused.code, "only `zeromethod replay` can read it" in refused.err) == (2, True)
     assert "not with a recording of arrays" in run("replay", file, "--gain 0.5").err
     assert run("run --rig leds --record", file).code == 2
 

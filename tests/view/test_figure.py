@@ -87,7 +87,7 @@ def test_the_pressure_on_the_largest_contact_is_drawn_where_the_modulus_is_known
 
 
 def test_a_peak_that_is_right_to_all_digits_is_not_minus_nothing() -> None:
-    figures = {"rig": "r", "scenario": "p", "controller": "c"}
+    figures = {"rig": "r", "scenario": "p", "controller": "c", "read_until_s": None}
     figures |= {"depth_peak_mm": 0.1999999, "depth_peak_sigma_mm": 1e-5}
     truth = {"depth_deepest_mm": 0.2, "depth_rms_error_um": 0.001}
     assert "(+0.00 %)" in _title({**figures, "truth": truth})

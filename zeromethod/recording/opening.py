@@ -38,7 +38,7 @@ class Refusal(Enum):
     UNREADABLE = "cannot be read as a recording (HDF5): {error}"
     CUT_SHORT = "cut short, {count} bytes are missing: copy the whole recording again"
     NO_RECORDING = "an HDF5 file, but no recording of zeromethod"
-    LIGHT_ARRAYS = "of LED and photodetector arrays, which `zeromethod replay` alone reads"
+    LIGHT_ARRAYS = "a recording of LED and photodetector arrays: only `zeromethod replay` can read it"
     OTHER_FORMAT = (
         "recorded in format {found} by zeromethod {by}; this version reads format {reads}: "
         "open it with zeromethod {by}"
