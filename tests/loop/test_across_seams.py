@@ -69,6 +69,19 @@ def test_fringes_that_look_like_steps_move_no_tooth_that_rests(thin):
     np.testing.assert_allclose(residual.d[good], true[good], atol=1e-9)
 
 
+def test_pieces_of_a_tooth_cut_off_by_fringes_are_brought_back_each_by_itself(thin):
+    residual, true = planted(thin, Gauss(0.05, 42.0, 0.0, 5.0), 0)
+    row, tooth = np.arange(true.shape[0])[:, None], seams_before(thin[1]) == 2
+    fringes = tooth & (row >= 60) & (row < 80)
+    away = tooth & (row < 60)  # fewer nodes than the rest of the tooth has
+    residual.d[away, 1] += thin[1].grid.period_px
+    residual.d[fringes] += 3.0
+    settle(residual, thin[1].q, true, thin[1], fringes)
+    good = ((residual.flags | thin[1].flags) == 0) & ~fringes
+    assert (good & away).any()
+    np.testing.assert_allclose(residual.d[good], true[good], atol=1e-9)
+
+
 def test_a_seam_with_a_misread_side_joins_nothing(thin):
     bench, rest = thin
     warp = bench.warp(Gauss(0.1, 42.0, 0.0, 4.0))

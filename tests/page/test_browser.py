@@ -86,7 +86,7 @@ def test_pictures_maps_and_plots_are_drawn(page):
     for canvas in ("camera-canvas", "depth-canvas", "depth-bar"):
         assert page.evaluate(colours, canvas) > 20, canvas
     until(page, "document.getElementById('solid-note').textContent.includes('mm')")
-    assert page.locator(".uplot").count() == 4
+    assert page.locator(".uplot").count() == 6
     until(page, f"({colours})('lcd-canvas') > 5")
     page.click("[data-tab='residual-tab']")
     until(page, f"({colours})('residual-canvas') > 5")

@@ -1,10 +1,11 @@
 """The contact status of a run in a few figures, and as values for the page."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
-from zeromethod.operating.readings import status_values
+from zeromethod.operating.readings import HISTORY, history_row, status_values
 from zeromethod.rubbing import ContactStatus, Motion
 from zeromethod.session.status_figures import status_figures
 from zeromethod.view.table import status_rows
@@ -51,3 +52,13 @@ def test_words_for_the_operator_say_what_it_does_or_why_that_is_not_known():
     slips = status(share=0.31, speed_mm_s=20.0, motion=Motion.SLIP, aliased=True)
     assert slips.words == "slip, 20.0 mm/s, aliased, 31 % in contact"
     assert status(reason="too small to look at").words == "too small to look at"
+
+
+def test_the_page_has_a_row_of_share_speed_and_whether_it_slips():
+    slipping = status(share=0.3, speed_mm_s=12.0, motion=Motion.SLIP)
+    values = dict.fromkeys(HISTORY) | {"doubt": "", "state": "nulling"}
+    row = dict(zip(HISTORY, history_row(values | status_values(slipping)), strict=True))
+    assert (row["rubbing_share"], row["rubbing_speed_mm_s"], row["rubbing_slips"]) == (0.3, 12.0, True)
+    for unknown in (None, replace(slipping, motion=Motion.UNKNOWN)):
+        assert status_values(unknown)["rubbing_slips"] is None
+    assert status_values(replace(slipping, motion=Motion.STICK))["rubbing_slips"] is False

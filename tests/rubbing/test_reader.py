@@ -156,6 +156,16 @@ def test_spots_that_stay_have_no_life_and_the_reason_is_given():
     assert "life: fewer than 3 spots ended in view" in statuses[-1].reason
 
 
+def test_a_patch_in_which_nothing_is_in_contact_any_more_is_not_counted_and_says_why():
+    reader = RubbingReader(BLUR_PX)
+    reader.follow([planted(square_places(0.7, 0.01, 1), 0.2, np.zeros(2))], 0)
+    contact = planted(square_places(0.7, 0.01, 1), 0.2, np.zeros(2))
+    white = replace(contact.image, light=np.full_like(contact.image.light, 1.9))
+    lifted = reader.follow([replace(contact, image=white)], FRAME_NS)
+    assert np.isnan(lifted.share)
+    assert lifted.reason
+
+
 def test_another_contact_begins_anew_and_none_has_no_status():
     reader = RubbingReader(BLUR_PX)
     places = random_places(100, 1)

@@ -130,38 +130,45 @@ class _Rows:
         self.orders: Ints = np.where(known, votes.argmax(axis=-1) - _ORDERS, _UNKNOWN)
 
 
-def _off_expected(away: Float, valid: Mask, teeth: Ints) -> Ints | None:
-    """Periods (teeth,) by which most nodes of each tooth are off what was expected; None where they move.
+def _off_expected(away: Float, valid: Mask, parts: Ints) -> tuple[Ints, Mask]:
+    """Periods (parts,) by which most nodes of each part are off what was expected; whether they say so.
 
-    away: (rows, cols) periods from what was expected, NaN for nothing. teeth: (rows, cols) by number.
+    away: (rows, cols) periods from what was expected, NaN for nothing. parts: (rows, cols) by number.
     """
     order = np.rint(away)
     says = valid & (np.abs(away - order) < _SAME) & (np.abs(order) <= _ORDERS)
-    size = np.bincount(teeth[valid & np.isfinite(away)], minlength=teeth.max() + 1)
-    each = (2 * _ORDERS + 1) * teeth[says] + order[says].astype(np.int64) + _ORDERS
+    size = np.bincount(parts[valid & np.isfinite(away)], minlength=parts.max() + 1)
+    each = (2 * _ORDERS + 1) * parts[says] + order[says].astype(np.int64) + _ORDERS
     votes = np.bincount(each, minlength=len(size) * (2 * _ORDERS + 1)).reshape(len(size), -1)
     most: Ints = votes.argmax(axis=1) - _ORDERS
-    return most if (2 * votes.max(axis=1) > np.maximum(size, _LEAST_ROWS)).all() else None
+    return most, 2 * votes.max(axis=1) > np.maximum(size, _LEAST_ROWS)
 
 
-def settle(residual: Residual, shown_q: Float, expected_px: Float, rest: Rest) -> None:
+def settle(
+    residual: Residual, shown_q: Float, expected_px: Float, rest: Rest, blind: Mask | None = None
+) -> None:
     """Bring `residual.d`, in place, to one order over all seams.
 
-    In a mirror that rests that of what was expected, (rows, cols, 2) camera px, NaN for nothing: some nodes
-    may see the fringes of a burst. Else what rows say, on the side by whose order most nodes are near the
-    null.
+    In a mirror that rests that of what was expected, (rows, cols, 2) camera px, NaN for nothing. Else what
+    rows say, on the side by whose order most nodes are near the null. blind: (rows, cols) nodes that may see
+    the fringes of a burst, which say nothing and cut teeth in pieces; None for none.
     """
     if rest.seams is None:
         return
     d, period_px = residual.d[rest.grid.inner], rest.grid.period_px
     q = compose(shown_q, residual.d, rest.grid.spacing_px)
-    rows = _Rows(q, residual.flags | rest.flags, rest, rest.seams)
+    flags = residual.flags | rest.flags
+    if blind is not None:
+        flags[blind] |= np.uint16(Flag.CODED)
+    rows = _Rows(q, flags, rest, rest.seams)
+    pieces = cv2.connectedComponents(rows.valid.astype(np.uint8), connectivity=4)[1].astype(np.int64)
     teeth = _added_up(rows.seams, np.ones(rows.orders.shape[1], np.int64))
     away = (d - expected_px[rest.grid.inner]) / period_px
     for axis, orders in enumerate(rows.orders):
-        by_tooth = _off_expected(away[..., axis], rows.valid, teeth)
-        if by_tooth is not None:
-            d[..., axis] -= period_px * by_tooth[teeth]
+        by_tooth, rests = _off_expected(away[..., axis], rows.valid, teeth)
+        if rests.all():
+            by_piece, says = _off_expected(away[..., axis], rows.valid, pieces)
+            d[..., axis] -= period_px * np.where(says[pieces], by_piece[pieces], by_tooth[teeth])
         elif (orders % _UNKNOWN != 0).any():
             off = _added_up(rows.seams, orders)
             periods, mine = d[rows.valid, axis] / period_px, off[rows.valid]

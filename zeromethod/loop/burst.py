@@ -208,6 +208,17 @@ class Burst:
         """What is to be drawn over the command."""
         return None if self._running is None else self._running.coded
 
+    def _seen(self, observation: Observation) -> set[int | None]:
+        """Numbers of the coded pictures that a frame saw; None among them for a picture without."""
+        lit = observation.weights.max(axis=1) > _PURE
+        return {self._shown.get(int(time_ns)) for time_ns in observation.entries[lit]}
+
+    def blinds(self, observation: Observation) -> Mask | None:
+        """Nodes (rows, cols) that may see fringes in a frame; None for none."""
+        if self._blinding is None or (self._running is None and self._seen(observation) == {None}):
+            return None
+        return self._blinding.blind
+
     def take_reference(self, residual: Residual) -> None:
         """Take the light at rest from a residual, and which nodes fail even then."""
         self._failing.take_reference(residual)
@@ -225,9 +236,7 @@ class Burst:
 
         thought: (rows, cols, 2) LCD px, where nodes were thought to look before this frame.
         """
-        lit = observation.weights.max(axis=1) > _PURE
-        seen = {self._shown.get(int(time_ns)) for time_ns in observation.entries[lit]}
-        running = self._running
+        seen, running = self._seen(observation), self._running
         if running is None:
             if seen != {None}:
                 return False

@@ -299,7 +299,9 @@ class Circle:
     def _measure(self, observation: Observation, known: Known, lit_q: Float) -> tuple[Residual, Warp]:
         """Residual and measured warp under the light that a mirror seen at `lit_q` reflects."""
         residual = self._sense(observation, known, lit_q)
-        return residual, measure_warp(observation, residual, known, self.rest, self._panel_blur, self._hold)
+        blind = None if self.burst is None else self.burst.blinds(observation)
+        parts = self.rest, self._panel_blur, self._hold
+        return residual, measure_warp(observation, residual, known, *parts, blind=blind)
 
     def _sense(self, observation: Observation, known: Known, lit_q: Float) -> Residual:
         """Residual against the mix that was shown."""
@@ -307,8 +309,7 @@ class Circle:
         guess = known.residual_px if bias_px is None else known.residual_px + bias_px
         light = None if self._expected_light is None else self._expected_light.share(lit_q)
         target = None if observation.target is None else observation.target.node_rad
-        image = observation.frame.image
-        seen = self._sensor.measure(image, guess, light_share=light, target_rad=target)
+        seen = self._sensor.measure(observation.frame.image, guess, light_share=light, target_rad=target)
         residual = unmixed(seen, observation, self.rest.grid)
         self._lost_light.open(residual)
         return residual

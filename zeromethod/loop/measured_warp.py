@@ -35,7 +35,7 @@ SUDDEN_PERIODS = 0.25
 TRUSTED_SHARE = 0.5
 """Share of a cut-off region's nodes that must have been trusted before for it to be believed."""
 
-_MIXED = np.uint16(Flag.MIXED)
+_MIXED, _CODED = np.uint16(Flag.MIXED), np.uint16(Flag.CODED)
 _AMBIGUOUS = np.uint16(Flag.AMBIGUOUS)
 _SEAM = np.uint16(Flag.SEAM)
 
@@ -181,6 +181,8 @@ def measure_warp(
     rest: Rest,
     blur: PanelBlur | None = None,
     hold: LightHold | None = None,
+    *,
+    blind: Mask | None = None,
 ) -> Warp:
     """Measured warp q(u, v) = q_shown((u, v) + d) at mid-exposure, with sigma in LCD px and flags.
 
@@ -190,13 +192,13 @@ def measure_warp(
     it; after a sudden press the residual bends within the window and is off by up to tenths of a px until the
     next picture (`sensing.window.curvature_bias_px2`).
     blur: of the panel, whose effect is taken out; None leaves it. hold: of nodes beside dark places; None for
-    none.
+    none. blind: (rows, cols) nodes that may see the fringes of a burst and are flagged CODED; None for none.
 
     Convention: residual d as observed(u, v) = T((u, v) + d), camera px.
     """
     grid = rest.grid
     shown = observation.shown
-    settle(residual, shown.q, known.residual_px, rest)
+    settle(residual, shown.q, known.residual_px, rest, blind)
     q = compose(shown.q, residual.d, grid.spacing_px)
     if blur is not None:
         blur.add_hidden(shown.q, q)
@@ -208,6 +210,8 @@ def measure_warp(
     if observation.mixture is not None:
         flags[observation.mixture.mixed] |= _MIXED
     sigma_px = residual.sigma if hold is None else hold.flag(flags, residual.sigma)
+    if blind is not None:
+        flags[blind] |= _CODED
     valid, over_seams = flags == 0, bridged(q, flags, rest)
     if over_seams is not None:  # a seam that a slope opened is no contact
         flags[over_seams] = _SEAM

@@ -17,7 +17,7 @@ from zeromethod.operating.advice import ADVICE, FRESH, LATE_S, doubt_of
 from zeromethod.operating.fine_doubt import Spoiled
 from zeromethod.operating.lasting import LastingState
 from zeromethod.operating.rates import Rate
-from zeromethod.rubbing import ContactStatus
+from zeromethod.rubbing import ContactStatus, Motion
 from zeromethod.session.session import Session
 from zeromethod.surface import Surface
 
@@ -33,6 +33,9 @@ HISTORY = (
     "delay_ms",
     "dropped",
     "force_normal_n",
+    "rubbing_share",
+    "rubbing_speed_mm_s",
+    "rubbing_slips",
 )
 """Columns of the history, one row per step."""
 
@@ -76,7 +79,8 @@ def status_values(status: ContactStatus | None) -> dict[str, Any]:
     known = {
         f"rubbing_{name}": number(one) if isinstance(one, float) else one for name, one in values.items()
     }
-    return {"rubbing": "" if status is None else status.words, **known}
+    slips = None if status is None or status.motion is Motion.UNKNOWN else status.motion is Motion.SLIP
+    return {"rubbing": "" if status is None else status.words, "rubbing_slips": slips, **known}
 
 
 class Readings:

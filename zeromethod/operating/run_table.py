@@ -106,6 +106,7 @@ VALUES = (
     _number("contact_y_mm", "world y", "mm"),
     _number("contact_sigma_mm", "standard deviation of that place", "mm", 0),
     Quantity("rubbing", "text", "what a texture that rubs does; empty where none does, or without --rubbing"),
+    Quantity("rubbing_slips", "boolean", "it slides; null: not known"),
     _number("rubbing_share", "share of the area looked at that is in contact", "", 0, 1),
     _number("rubbing_spots_per_cm2", "spots in contact", "1/cm²", 0),
     _number("rubbing_spot_mm2", "their mean area", "mm²", 0),

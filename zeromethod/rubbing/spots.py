@@ -102,6 +102,8 @@ def spots_of(contact: Contact, blur_px: float) -> Spots | str:
 def _level(light: Single) -> float:
     """Light of the spots, the middle of what is dark: shadows beside a white object's are darker."""
     darkest = float(np.quantile(light, _DARKEST))
+    if darkest >= _UNLIT:  # lifted: nothing is in contact
+        return 0.0
     for _ in range(2):
         darkest = median(light[light < darkest + 0.5 * (_UNLIT - darkest)])
     return darkest

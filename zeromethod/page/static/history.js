@@ -1,9 +1,10 @@
-// The history of a run: peak with its sigma above, one other figure below.
+// The history of a run: peak with its sigma above, one other figure below; of what rubs, share in contact and speed.
 
 import { plot } from "/static/plots.js";
 
 const $ = (id) => document.getElementById(id);
 const MOST = 20000;
+const STICK = 0.1; // of the height of the plot of speed
 const LABELS = {
   residual_px: "residual, px", loop_rate_hz: "loop, Hz", delay_ms: "delay, ms", dropped: "dropped",
   force_normal_n: "force, N",
@@ -21,6 +22,12 @@ export class History {
       { label: "2 sigma above", stroke: "--soft", dash: [3, 3] },
     ], marks);
     this.other = plot($("history-other"), "s", [{ label: "residual, px", stroke: "--good", width: 1.5 }], marks);
+    this.share = plot($("rubbing-share"), "s", [{ label: "in contact, %", stroke: "--accent", width: 1.5 }], marks);
+    this.speed = plot($("rubbing-speed"), "s", [
+      { label: "mm/s, shaded: slip", stroke: "--accent", width: 1.5 },
+      { label: "slip", stroke: "--warn", band: true },
+      { label: "stick", stroke: "--good", band: true },
+    ], marks);
     for (const id of ["history-kind", "history-span"]) $(id).addEventListener("change", () => this.paint());
   }
 
@@ -66,5 +73,9 @@ export class History {
     if (peak >= 0) this.peak.set([times, rows.map((r) => um(r, 0)), rows.map((r) => um(r, -2)), rows.map((r) => um(r, 2))]);
     this.other.name(LABELS[kind] ?? kind);
     this.other.set([times, rows.map((row) => row[at(kind)])]);
+    const [share, speed, slips] = ["share", "speed_mm_s", "slips"].map((name) => rows.map((row) => row[at(`rubbing_${name}`)]));
+    if (share.some((one) => one != null)) $("rubbing-button").hidden = false; // only a run with --rubbing has the tab
+    this.share.set([times, share.map((one) => (one == null ? null : 100 * one))]);
+    this.speed.set([times, speed, slips.map((one) => (one ? 1 : null)), slips.map((one) => (one === false ? STICK : null))]);
   }
 }

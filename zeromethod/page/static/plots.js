@@ -23,10 +23,12 @@ class Plot {
     this.uplot = new window.uPlot(
       {
         width: Math.max(this.box.clientWidth, 50), height: Math.max(this.box.clientHeight, 50), padding: [8, 10, 0, 0],
-        scales: { x: { time: false } }, legend: { show: false }, cursor: { drag: { x: false, y: false } },
+        scales: { x: { time: false }, band: { range: [0, 1] } }, legend: { show: false }, cursor: { drag: { x: false, y: false } },
         axes: [axis(22, place), axis(46, label)],
         series: [{}, ...this.series.map((one) => ({
           label: one.label, stroke: ink(one.stroke), width: one.width ?? 1, dash: one.dash, points: { show: false },
+          // a shade over the share of the height that its values say, 0 to 1
+          ...(one.band && { scale: "band", width: 0, fill: `${ink(one.stroke)}55`, paths: window.uPlot.paths.stepped({ align: -1 }) }),
         }))],
         hooks: { draw: [(u) => this.drawMarks(u)] },
       },
