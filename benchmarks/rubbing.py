@@ -8,8 +8,10 @@ everywhere pitch, medians of the frames, are compared. The share in contact is c
 with the true one of the area that was looked at.
 
 "fabrics": woven cloth of ten kinds in a row, each unlike the one before by 14 % in its pitch or 15 % in the
-round of its tips. Five seeds of each are learned: the mean of the printed statistics, each divided by its
-scatter among seeds. Other seeds are then given to the nearest mean.
+round of its tips. Of each, pieces cut anew (seeds: places and heights of the tips) take each other's place
+under the same force, 21 in a series, two frames each. The first five of a kind are learned: the mean of
+the printed statistics, and their scatter about it over all kinds, by which differences are divided. All
+others are then given to the nearest mean.
 """
 
 from __future__ import annotations
@@ -25,6 +27,7 @@ from benchmarks.parts import Parts, part_options
 from benchmarks.report import Figure, Report, benchmark, start
 from zeromethod.arrays import Float
 from zeromethod.rig.load import load_rig
+from zeromethod.rig.model import Rig
 from zeromethod.rubbing import ContactStatus, Motion
 from zeromethod.session.session import Session
 from zeromethod.simulation.contact.touch import Touch
@@ -45,10 +48,12 @@ FABRICS = (
     (0.74, 1.05), (0.74, 1.20), (0.84, 1.20), (0.84, 1.38), (0.95, 1.38),
 )  # fmt: skip
 """Pitch and round of the tips of woven cloth, mm."""
-LEARNED, UNSEEN, QUICK_UNSEEN = 5, 100, 1
+LEARNED, UNSEEN = 5, 100
 STATISTICS = ("share", "spots_per_cm2", "spot_mm2", "pitch_mm")
 HEIGHT_MM, PRESSURE_MPA = 0.001, 0.018
 TOUCH_S, HELD_S, SLIP_S, STICK_S, END_S = 0.26, 0.3, 0.44, 0.6, 0.7
+FIRST_S, PIECE_S, SERIES = 0.22, 2 / 60, 21
+"""Until the first of a series is lit and read, how long each other one lies there, and pieces of it."""
 WITHIN = 3
 NAMED_FRAMES, SHARE, PERCENT, TOLD = 3, 0.02, 2.0, 0.99
 
@@ -58,33 +63,53 @@ def rubbed(
 ) -> tuple[list[Any], Any]:
     """(time s of the scenario, status, true share of what was looked at) of frames with a status; the rig."""
     large = pitch_mm > 2
-    radius = 7.0 if large else 3.0
     x_mm = 42.0 - 0.5 * speed_mm_s * (STICK_S - SLIP_S)
-    force = PRESSURE_MPA * np.pi * radius**2
+    force = _force_n(large=large)
     path = [(TOUCH_S, x_mm, 0.0), (HELD_S, x_mm, force), (SLIP_S, x_mm, force)]
     path.append((STICK_S, x_mm + speed_mm_s * (STICK_S - SLIP_S), force))
-    points = ", ".join(f"{{time_s = {t}, x_mm = {x}, y_mm = 0.0, force_n = {f}}}" for t, x, f in path)
-    press = folder / "press.toml"
-    press.write_text(
-        f'[[object]]\nshape = "texture"\nweave = "{weave}"\nradius_mm = {radius}\npitch_mm = {pitch_mm}\n'
-        f'tip_mm = {tip_mm}\nheight_mm = {HEIGHT_MM}\nseed = {seed}\nalbedo = "grey"\npath = [{points}]\n'
-    )
-    rig = load_rig("simulated").replace(
-        {"camera.exposure_s": 0.001, "control.rubbing": True, "simulation.seed": seed}, scenario=str(press)
-    )
+    rig = _rig(folder, _object(weave, pitch_mm, tip_mm, seed, path), seed)
     if not large:
-        columns, rows = (352, 320) if speed_mm_s == 0 else (480, 352)
-        middle = [(columns - 1) / 2, (rows - 1) / 2]
-        view = {"camera.columns": columns, "camera.rows": rows, "camera.centre_px": middle}
-        rig = rig.replace(view)
+        rig = _of_pixels(rig, 480, 352)
     found = []
     scenario = scenario_of(rig)
     with Session(rig) as session:
-        for step in session.run(seconds=END_S if speed_mm_s else SLIP_S):
+        for step in session.run(seconds=END_S):
             if step.contact_status is not None:
                 touches = scenario.mirror_at(step.time_ns).touches
                 found.append((1e-9 * step.time_ns, step.contact_status, _true_share(session, touches)))
     return found, rig
+
+
+def _radius_mm(*, large: bool) -> float:
+    return 7.0 if large else 3.0
+
+
+def _force_n(*, large: bool) -> float:
+    return float(PRESSURE_MPA * np.pi * _radius_mm(large=large) ** 2)
+
+
+def _object(
+    weave: str, pitch_mm: float, tip_mm: float, seed: int, path: Sequence[tuple[float, float, float]]
+) -> str:
+    """Of a press file; path: time s, x mm, force N."""
+    points = ", ".join(f"{{time_s = {t}, x_mm = {x}, y_mm = 0.0, force_n = {f}}}" for t, x, f in path)
+    return (
+        f'[[object]]\nshape = "texture"\nweave = "{weave}"\nradius_mm = {_radius_mm(large=pitch_mm > 2)}\n'
+        f"pitch_mm = {pitch_mm}\ntip_mm = {tip_mm}\nheight_mm = {HEIGHT_MM}\nseed = {seed}\n"
+        f'albedo = "grey"\npath = [{points}]\n'
+    )
+
+
+def _rig(folder: Path, objects: str, seed: int) -> Rig:
+    press = folder / "press.toml"
+    press.write_text(objects)
+    changed = {"camera.exposure_s": 0.001, "control.rubbing": True, "simulation.seed": seed}
+    return load_rig("simulated").replace(changed, scenario=str(press))
+
+
+def _of_pixels(rig: Rig, columns: int, rows: int) -> Rig:
+    middle = [(columns - 1) / 2, (rows - 1) / 2]
+    return rig.replace({"camera.columns": columns, "camera.rows": rows, "camera.centre_px": middle})
 
 
 def _true_share(session: Session, touches: Sequence[Touch]) -> float | None:
@@ -111,7 +136,7 @@ def rub_case(folder: Path, number: int) -> dict[str, Any]:
     frames = [_frames_after(named, "slip", SLIP_S, rig.camera.rate_hz)]
     frames.append(_frames_after(named, "stick", STICK_S, rig.camera.rate_hz))
     return {
-        "pitch_mm": _median(found, "pitch_mm"),
+        "pitch_mm": _median([one for _, one, _ in found], "pitch_mm"),
         "speed_mm_s": float(np.median([one.speed_mm_s for one in slips])) if slips else None,
         "aliased": float(np.mean([one.aliased for one in slips])) if slips else None,
         "share_off": float(np.abs(known[:, 0] - known[:, 1]).max()) if known.size else None,
@@ -131,43 +156,63 @@ def _frames_after(
     return int(np.floor((times[0] - began_s) * rate_hz)) + 1 if times else None
 
 
-def _median(found: Sequence[tuple[float, ContactStatus, float | None]], name: str) -> float | None:
-    values = [getattr(one, name) for _, one, _ in found if np.isfinite(getattr(one, name))]
+def _median(found: Sequence[ContactStatus], name: str) -> float | None:
+    values = [getattr(one, name) for one in found if np.isfinite(getattr(one, name))]
     return float(np.median(values)) if values else None
 
 
-def fabric(folder: Path, number: int) -> dict[str, Any]:
-    """Printed statistics of a fabric's seed: medians over the frames of a hold."""
-    seed, kind = divmod(number, len(FABRICS))
-    found, _ = rubbed(folder, "woven", *FABRICS[kind], 0.0, 1000 + seed)
-    return {"kind": kind, **{name: _median(found, name) for name in STATISTICS}}
+def pieces(folder: Path, number: int) -> list[dict[str, Any]]:
+    """Printed statistics of a fabric's pieces that take each other's place: medians of each one's frames."""
+    group, kind = divmod(number, len(FABRICS))
+    seeds = [1000 + SERIES * group + k for k in range(SERIES)]
+    begin = [TOUCH_S + FIRST_S + PIECE_S * k for k in range(SERIES + 1)]
+    begin[0] = TOUCH_S
+    objects = ""
+    for seed, from_s, to_s in zip(seeds, begin, begin[1:], strict=False):
+        path = [(from_s, 42.0, 0.0), (from_s, 42.0, _force_n(large=False))]
+        path += [(to_s, 42.0, path[1][2]), (to_s, 42.0, 0.0)]
+        objects += _object("woven", *FABRICS[kind], seed, path)
+    rig = _of_pixels(_rig(folder, objects, seeds[0]), 352, 320)
+    seen: list[list[ContactStatus]] = [[] for _ in seeds]
+    with Session(rig) as session:
+        for step in session.run(seconds=begin[-1]):
+            at = int(np.searchsorted(begin, 1e-9 * step.time_ns)) - 1
+            if 0 <= at < SERIES and step.contact_status is not None:
+                seen[at].append(step.contact_status)
+    return [{"kind": kind, **{name: _median(one, name) for name in STATISTICS}} for one in seen]
 
 
-def told_apart(found: Sequence[dict[str, Any]]) -> tuple[int, int, list[str]]:
-    """(unseen seeds given to their own kind, unseen seeds, which were not)."""
-    values = np.array([[np.nan if one[name] is None else one[name] for name in STATISTICS] for one in found])
-    kinds = np.array([one["kind"] for one in found])
-    first = len(FABRICS) * LEARNED
-    learned, of = values[:first], kinds[:first]
-    means = np.stack([np.nanmean(learned[of == kind], axis=0) for kind in range(len(FABRICS))])
+def told_apart(found: Sequence[Sequence[dict[str, Any]]]) -> tuple[int, int, list[str]]:
+    """(unseen pieces given to their own kind, unseen pieces, which were not), of series in their order."""
+    first = len(FABRICS)
+    learned, of = _figures([one for series in found[:first] for one in series[:LEARNED]])
+    unseen, true = _figures(
+        [one for k, series in enumerate(found) for one in series[LEARNED if k < first else 0 :]]
+    )
+    means = np.stack([np.nanmean(learned[of == kind], axis=0) for kind in range(first)])
     scatter = np.sqrt(np.nanmean((learned - means[of]) ** 2, axis=0))
-    away: Float = np.linalg.norm((values[first:, None] - means) / scatter, axis=-1)
+    away: Float = np.linalg.norm((unseen[:, None] - means) / scatter, axis=-1)
     nearest = np.argmin(np.where(np.isfinite(away), away, np.inf), axis=1)
-    right = nearest == kinds[first:]
-    wrong = [f"{k} as {n}" for k, n, ok in zip(kinds[first:], nearest, right, strict=True) if not ok]
+    right = nearest == true
+    wrong = [f"{k} as {n}" for k, n, ok in zip(true, nearest, right, strict=True) if not ok]
     return int(np.count_nonzero(right)), len(right), wrong
 
 
-def _fabric_report(found: Sequence[dict[str, Any]]) -> Report:
-    if len(found) <= len(FABRICS) * LEARNED:
-        return Report(
-            "Rubbing: fabrics", [Figure("fabrics learned", f"{len(found)} runs")], [], {"found": found}
-        )
+def _figures(pieces: Sequence[dict[str, Any]]) -> tuple[Float, np.ndarray]:
+    """((n, statistics), NaN where not known; (n,) kinds)."""
+    values = [[np.nan if one[name] is None else one[name] for name in STATISTICS] for one in pieces]
+    return np.array(values, dtype=np.float64), np.array([one["kind"] for one in pieces])
+
+
+def _fabric_report(found: Sequence[Sequence[dict[str, Any]]]) -> Report:
+    title, kept = "Rubbing: fabrics", {"found": list(found)}
+    if len(found) < len(FABRICS):
+        return Report(title, [Figure("fabrics learned", f"{len(found)} of {len(FABRICS)}")], [], kept)
     right, count, wrong = told_apart(found)
     figure = Figure(
-        "unseen seeds told apart", f"{right} of {count}", f"{100 * TOLD:g} %", right >= TOLD * count
+        "unseen pieces told apart", f"{right} of {count}", f"{100 * TOLD:g} %", right >= TOLD * count
     )
-    return Report("Rubbing: fabrics", [figure], [("wrong", *wrong)] if wrong else [], {"found": found})
+    return Report(title, [figure], [("wrong", *wrong)] if wrong else [], kept)
 
 
 def _percent_off(value: float | None, true: float) -> float:
@@ -231,8 +276,8 @@ def command(*, quick: bool, keep: Path | None, most_runs: int | None, part: str)
             numbers = QUICK if quick else tuple(range(len(CASES)))
             found = parts.run(len(numbers), "textures", lambda k: rub_case(folder, numbers[k]))
             return _case_report(found, numbers)
-        runs = len(FABRICS) * (LEARNED + (QUICK_UNSEEN if quick else UNSEEN))
-        return _fabric_report(parts.run(runs, "seeds", lambda k: fabric(folder, k)))
+        runs = len(FABRICS) * (1 if quick else (LEARNED + UNSEEN) // SERIES)
+        return _fabric_report(parts.run(runs, "series", lambda k: pieces(folder, k)))
 
 
 if __name__ == "__main__":

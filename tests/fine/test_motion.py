@@ -4,7 +4,7 @@ from planted_frames import PlantedFrames, to_and_fro
 from surface_bench import Gauss
 
 from benchmarks.rigs import small_rig
-from zeromethod.fine.motion import Motion, Readings
+from zeromethod.fine.motion import Motion, Readings, left_late_s
 
 SIGMA_PX, SHAPE, FRAMES = 0.007, (40, 48), 24
 TIMES = np.arange(float(FRAMES))
@@ -50,6 +50,17 @@ def test_where_nodes_are_now_is_as_uncertain_as_stated(power):
 def test_a_drift_that_the_noise_of_every_node_hides_is_seen():
     # the mean is late by 0.6 of a frame's noise at most, and 3 times its own
     assert motion_of(1.2 * SIGMA_PX * over_time(1), 0)[0].degree == 1
+
+
+def test_a_lateness_left_all_over_the_view_is_told_from_steady_motion():
+    # of the steps of `to_and_fro`, in px/s at 60 frames a second
+    steps_px = 16.0 / (2.0 * np.pi) * np.gradient(to_and_fro(FRAMES), axis=0)
+    per_late = np.broadcast_to(60.0 * steps_px[:, None, None], (FRAMES, *SHAPE, 2))
+    seen = 3e-5 * per_late + SIGMA_PX * np.random.default_rng(0).standard_normal(per_late.shape)
+    valid = np.ones(SHAPE, bool)
+    # nodes so many know it to 1 us, and to 2 where a dent of a px grows
+    assert left_late_s(seen, per_late, valid, TIMES) == pytest.approx(3e-5, abs=4e-6)
+    assert left_late_s(seen + over_time(1), per_late, valid, TIMES) == pytest.approx(3e-5, abs=8e-6)
 
 
 def test_depth_of_a_dent_that_slides_is_as_wrong_as_stated():

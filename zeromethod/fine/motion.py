@@ -24,6 +24,8 @@ _BROAD_NODES = 13
 """Nodes along each side in whose mean motion is looked for."""
 _SEEN = 5.0
 """Standard deviations of chance beyond which motion is seen."""
+_LEFT_S = 1e-5
+"""Standard deviation of a lateness that pictures in single pixels leave."""
 _FEW = 18
 """Frames below which they are too few to tell waves from motion."""
 
@@ -135,6 +137,22 @@ def _degree(seen: Readings) -> int:
         if (mean2 > _SEEN**2 * INDEPENDENT)[:, seen.good].any():
             return degree
     return 0
+
+
+def left_late_s(d: Float, per_late: Float, valid: Mask, times: Float) -> float:
+    """Lateness, s, that readings d (N, rows, cols, 2), px, still have all over the view.
+
+    A few us of it at the target's turns look like a line in time where a view has few nodes to average.
+    per_late: (N, rows, cols, 2) px/s. valid: (rows, cols). times: (N,), in any unit.
+    """
+    if not valid.any():
+        return 0.0
+    # the median: what touches some of the view is no lateness
+    both = np.stack([np.nanmedian(one[:, valid], axis=1) for one in (d, per_late)])
+    powers = powers_of_time(times, MOST_DEGREE)
+    seen, late = both - powers @ (powers.T @ both)
+    noise2 = (seen**2).mean() + 1e-12
+    return float((late * seen).sum() / ((late**2).sum() + noise2 / _LEFT_S**2))
 
 
 def powers_of_time(times: Float, degree: int) -> Float:

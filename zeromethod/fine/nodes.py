@@ -14,7 +14,7 @@ from zeromethod.fine.blend import blend, blended_variance, fine_share
 from zeromethod.fine.demodulate import Design
 from zeromethod.fine.frames import FineFrame, FrameSequence, matvec
 from zeromethod.fine.lattice import PixelLattice
-from zeromethod.fine.motion import Motion, Readings
+from zeromethod.fine.motion import Motion, Readings, left_late_s
 from zeromethod.sensing.window import triangle
 from zeromethod.warp.compose import compose
 from zeromethod.warp.grid import NodeGrid
@@ -85,15 +85,17 @@ def read_nodes(
     noise2 = np.mean([frame.measured.sigma**2 for frame in frames], axis=0)
     fine -= _remembered(shown - matvec(bending, excess), noise2, grid)
     rows = np.clip(grid.v_px, 0, grid.image_shape[0] - 1).astype(int)
-    per_late = np.stack([frame.node_late_rad_per_s for frame in frames])
-    late_px = per_rad * late_s[:, rows, None, None] * per_late
-    coarse = np.stack([frame.measured.q for frame in frames]) - matvec(bending, late_px)
+    per_late = per_rad * np.stack([frame.node_late_rad_per_s for frame in frames])
+    coarse = np.stack([frame.measured.q for frame in frames])
+    coarse -= matvec(bending, late_s[:, rows, None, None] * per_late)
     valid = np.logical_and.reduce([frame.measured.valid for frame in frames])
     across = np.asarray(np.linalg.inv(bending), np.float64)
     turns = np.stack([one.phase_rad[rows] for one in sequence.steps])
     d_variance = matvec(across * across, noise2)
     times = np.array([frame.measured.time_ns for frame in frames], np.float64)
-    seen = Readings.of(matvec(across, coarse - shown), d_variance, valid, turns, times)
+    coarse_d = matvec(across, coarse - shown)
+    coarse_d -= left_late_s(coarse_d, per_late, valid, times) * per_late
+    seen = Readings.of(coarse_d, d_variance, valid, turns, times)
     motion, known = Motion.of(seen, d_variance, design.weights), np.isfinite(fine).all(axis=-1)
     # the pixels' mean is late by what the nodes' fit is ahead of it
     share, fitted = (np.where(known, fine_share(seen, degree), 0.0) for degree in (0, motion.degree))
