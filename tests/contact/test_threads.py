@@ -1,6 +1,7 @@
 """What a contact through a cloth needs: a force, as a picture that lags behind a finger bends like one."""
 
 import math
+from types import SimpleNamespace
 
 import pytest
 
@@ -39,3 +40,18 @@ def test_what_has_lost_its_carriers_is_a_contact_only_where_a_force_presses(monk
     finder = finder_of(rig, Optics(rig), NodeGrid.of_rig(rig))
     monkeypatch.setattr(ContactFinder, "carry", lambda *given: (given[1], given[2], given[3]))
     assert finder.carry(None, None, (one,), None)[2] == ((one,) if there else ())
+
+
+def test_a_finger_that_faded_and_presses_again_is_another_one_but_not_for_a_single_frame(monkeypatch):
+    rig = load_rig("interactive")
+    finder = finder_of(rig, Optics(rig), NodeGrid.of_rig(rig))
+    monkeypatch.setattr(ContactFinder, "carry", lambda *given: (given[1], given[2], given[3]))
+    strong, weak = contact(0.1), contact(0.001)
+    # confirmed in the second frame; weak for one, then for as many as after which a pointer is up
+    seen = [strong, strong, weak, strong, weak, weak, weak, strong, strong]
+    ids = []
+    for frame, one in enumerate(seen):
+        named = finder._track.follow([one], frame)
+        shown = finder.carry(SimpleNamespace(time_ns=frame), None, named, None)[2]
+        ids.append([each.id for each in shown])
+    assert ids == [[], [1], [], [1], [], [], [], [2], [2]]

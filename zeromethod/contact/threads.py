@@ -24,6 +24,7 @@ from zeromethod.contact.force_fit import ForceFit
 from zeromethod.contact.moments import moments
 from zeromethod.contact.outline import first_outline
 from zeromethod.contact.polygon import perimeter, signed_area
+from zeromethod.contact.track import FORGOTTEN_FRAMES
 from zeromethod.optics import Optics
 from zeromethod.rig.model import Rig
 from zeromethod.sensing.residual import Residual
@@ -52,6 +53,7 @@ class ThreadFinder(ContactFinder):
     def __init__(self, rig: Rig, optics: Optics, grid: NodeGrid) -> None:
         super().__init__(rig, optics, grid)
         self._modulus_mpa = rig.rubber.youngs_modulus_mpa or 0.0
+        self._unpressed: dict[int, int] = {}
 
     def _found(
         self,
@@ -80,10 +82,16 @@ class ThreadFinder(ContactFinder):
     ) -> tuple[Surface, Peak, tuple[Contact, ...]]:
         """As `ContactFinder.carry`, with those that are not named yet, which are in `fit`, too.
 
-        Contacts in which nothing presses are left out.
+        Contacts in which nothing presses are left out, and are others if they press again.
         """
         surface, deepest, carried = super().carry(surface, deepest, (*contacts, *self.unnamed), fit)
-        return surface, deepest, tuple(one for one in carried[: len(contacts)] if self._presses(one))
+        pressing = tuple(one for one in carried[: len(contacts)] if self._presses(one))
+        since = {number: frames + 1 for number, frames in self._unpressed.items()}
+        self._unpressed = since | dict.fromkeys((one.id for one in pressing), 0)
+        for number in [k for k, frames in self._unpressed.items() if frames >= FORGOTTEN_FRAMES]:
+            del self._unpressed[number]
+            self._track.renew(number, surface.time_ns)
+        return surface, deepest, pressing
 
     def _presses(self, contact: Contact) -> bool:
         """Whether a force presses there, or none could be read."""

@@ -61,6 +61,12 @@ class ContactTrack:
         self._followed = [one for one in self._followed if one.missing < (FORGOTTEN_FRAMES if one.id else 1)]
         return tuple(result)
 
+    def renew(self, contact_id: int, time_ns: int) -> None:
+        """Give a contact that was said to be lifted, but is still seen, a new id and age."""
+        for one in self._followed:
+            if one.id == contact_id:
+                one.id, one.since_ns, self._next = self._next, time_ns, self._next + 1
+
 
 def _apart(one: Contact, other: Contact) -> float:
     """Distance of the centroids over what may lie between those of one contact."""

@@ -7,6 +7,9 @@ node beside a dark speck states has that speck's error in it, which is what is l
 
 A node that is off by no more than a press that counts as rest is not corrected, and one that light rarely
 lets through at rest is not known: both are left open by all that they, or nodes around, are off.
+
+Threads of a cloth move every node, most by less than one shows. Together they show it: the mean square of
+what such nodes are off beyond noise is left open of each.
 """
 
 from __future__ import annotations
@@ -38,6 +41,9 @@ _NOISES = 4.0
 """Standard deviations of the average from which on a node is off."""
 _GROWN = 6.0
 """Times what it has grown by since half as many frames, beyond noise, that it is off at least."""
+_EVERYWHERE = 0.1
+"""Mean square of what nodes are off that do not show it, over one frame's variance, from which on it is left
+open: less is within 5 % of sigma."""
 _OPEN = 0.3
 """Share of what was taken off that is left open: in a press the light around dirt differs."""
 
@@ -137,7 +143,8 @@ class UnevenRest:
         # dirt stays as it is; a press that creeps grows, and one that begins may count as rest: left open
         grown = np.zeros_like(off) if self._away is None else np.abs(off - self._away)
         self._away = off
-        if not uneven.any():
+        everywhere = self._everywhere(off, sigma, known[..., None] & ~uneven)
+        if not uneven.any() and not everywhere.any():
             return
         most = REST_WITHIN_LCD_PX + _GROWN * np.maximum(grown - 0.5 * _NOISES * sigma, 0.0)
         # next to it, too, it is more than noise
@@ -147,7 +154,14 @@ class UnevenRest:
         largest = maximum_filter(np.where(dirt, np.abs(off), alone).max(axis=-1), 3)[..., None]
         taken = _OPEN * maximum_filter(np.abs(self._off).max(axis=-1), 3)[..., None]
         left = np.where(dirt, np.hypot(taken, sigma), np.maximum(taken, alone))
-        self._open = np.where(known[..., None], left, largest)
+        self._open = np.maximum(np.where(known[..., None], left, largest), everywhere)
+
+    def _everywhere(self, off: Float, sigma: Float, nodes: Mask) -> Float:
+        """(rows, cols, 2) standard deviation of what the nodes (rows, cols, 2) are off beyond noise."""
+        frame2 = self._variance / np.maximum(self._seen, 1.0)[..., None]
+        off2, usual2 = (np.where(nodes, each, 0.0).sum(axis=(0, 1)) for each in (off**2 - sigma**2, frame2))
+        share = off2 / np.maximum(usual2, 1e-30)
+        return np.asarray(np.sqrt(np.where(share > _EVERYWHERE, share, 0.0) * frame2))
 
 
 def _against_around(displaced: Float, valid: Mask) -> Float:
