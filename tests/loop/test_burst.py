@@ -11,6 +11,7 @@ from benchmarks.rigs import VIEW_MIDDLE_MM, changed, opened, pressed, small_rig
 from zeromethod import Recording, Session, State, load_rig, open_devices
 from zeromethod.loop.burst import Burst, Read
 from zeromethod.loop.events import Event
+from zeromethod.loop.failing_nodes import joined_to
 from zeromethod.optics import Dented, Optics
 from zeromethod.pattern.coded import PICTURES
 from zeromethod.session.replay.from_frames import replay_from_frames
@@ -159,3 +160,15 @@ def test_coded_pictures_are_numbered_in_the_order_in_which_they_are_drawn(run):
     numbers = [one for one in drawn if one is not None]
     assert sorted(set(numbers)) == list(range(PICTURES))
     assert numbers == sorted(numbers)
+
+
+def test_what_the_edge_of_a_light_cuts_off_is_read_with_the_nodes_beyond_the_edge():
+    """Places are told by what they are continuous with: alone, the piece would never be read."""
+    cut_off, edge = np.zeros((2, 30, 60), np.bool_)
+    cut_off[:, 54:], edge[:, 49:54] = True, True
+    known = ~cut_off & ~edge
+    measurable = np.ones_like(known)
+    assert (joined_to(known, cut_off, measurable) & known).any()
+    alone = np.zeros_like(known)
+    alone[10:14, 20:24] = True
+    assert np.count_nonzero(joined_to(~alone, alone, measurable)) == 10**2  # three nodes around and no more

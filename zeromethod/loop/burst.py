@@ -17,7 +17,7 @@ import numpy as np
 from zeromethod.arrays import Float, Image, Mask, Single
 from zeromethod.decoding.burst import RADIUS_PX, moves, node_places, pixel_places
 from zeromethod.exposure.pairing import Observation
-from zeromethod.loop.failing_nodes import CANNOT, REACH_NODES, FailingNodes, grown
+from zeromethod.loop.failing_nodes import CANNOT, REACH_NODES, FailingNodes, grown, joined_to
 from zeromethod.loop.node_figures import quiet_share
 from zeromethod.pattern.coded import MOST_PARTS, PICTURES, SHIFTS, Coded
 from zeromethod.sensing.residual import Residual
@@ -104,7 +104,7 @@ class _Running:
         self.known, self.thought = measured.valid & ~need, thought
         self.sigma: Float = np.hypot(measured.sigma, HELD_LCD_PX)
         grid = rest.grid
-        region = grown(need, REACH_NODES) & grid.measurable
+        region = joined_to(self.known, need, grid.measurable)
         count, labels, stats, _ = cv2.connectedComponentsWithStats(region.astype(np.uint8), connectivity=8)
         largest = 1 + np.argsort(-stats[1:count, cv2.CC_STAT_AREA])[:MOST_PARTS]
         self.region: Mask = np.isin(labels, largest)
@@ -121,6 +121,10 @@ class _Running:
         self.top, self.left = max(int(rows.min()) - RADIUS_PX, 0), max(int(columns.min()) - RADIUS_PX, 0)
         self.bottom, self.right = int(rows.max()) + RADIUS_PX + 1, int(columns.max()) + RADIUS_PX + 1
         self.pixels = list(zip(rows - self.top, columns - self.left, strict=True))
+        # between patches the target's dark troughs are noise alone, which looks like motion
+        across = ((self.top, self.bottom), grid.v_px), ((self.left, self.right), grid.u_px)
+        nearest = (np.rint((np.arange(*ends) - nodes[0]) / grid.spacing_px) for ends, nodes in across)
+        self._read: Mask = self.region[np.ix_(*(one.astype(int) for one in nearest))]
         self.pictures: list[Single] = []
         self._sum, self._count = np.zeros_like(thought), np.zeros(thought.shape[:2], np.int64)
         self._rest = rest
@@ -145,7 +149,7 @@ class _Running:
         if len(self.pictures) % SHIFTS:
             return True
         moved = moves(np.stack(self.pictures[-SHIFTS:]), black_grey)
-        return float(np.mean(moved)) < MOVES_SHARE
+        return float(np.mean(moved[self._read])) < MOVES_SHARE
 
     def watch(self, measured: Warp) -> None:
         """Take in where the other nodes look."""

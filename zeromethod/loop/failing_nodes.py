@@ -43,6 +43,9 @@ BRIGHTER = 1.02
 REACH_NODES = 3
 """Nodes around that join failing ones to a patch."""
 
+FURTHER = 3
+"""How often a patch that touches no known node is made larger: an edge of the light takes five columns."""
+
 SEAM_NODES = 6
 """Nodes next to a saw's seam that it may take where the mirror slopes."""
 
@@ -183,3 +186,18 @@ def grown(nodes: Mask, by: int) -> Mask:
     side = 2 * by + 1
     out: Mask = cv2.dilate(nodes.astype(np.uint8), np.ones((side, side), np.uint8)).astype(np.bool_)
     return out
+
+
+def joined_to(known: Mask, need: Mask, measurable: Mask) -> Mask:
+    """Nodes to be read: those in need, and around them as far as where it is known where nodes look.
+
+    The edge of a light may lie between, which takes the carrier and leaves coded pictures.
+    """
+    region = grown(need, REACH_NODES) & measurable
+    for _ in range(FURTHER):
+        labels = cv2.connectedComponents(region.astype(np.uint8), connectivity=8)[1]
+        cut_off = region & ~np.isin(labels, labels[region & known])
+        if not cut_off.any():
+            break
+        region |= grown(cut_off, REACH_NODES) & measurable
+    return region

@@ -13,7 +13,7 @@ from zeromethod.session.replay.differences import DepthDifferences
 from zeromethod.session.replay.from_warps import replay_from_warps
 from zeromethod.session.replay.settings import with_settings
 from zeromethod.session.replay.window import Window
-from zeromethod.session.uneven_rest import FRAMES
+from zeromethod.session.uneven_rest import FRAMES, UnevenRest
 from zeromethod.view.replay_table import differences_table
 
 KNOWN_REST = "surface.known_rest=[{x_mm=[8.0, 20.0], y_mm=[-18.0, 18.0]}]"
@@ -66,9 +66,12 @@ def test_other_surface_settings_read_as_a_reader_with_them_does(recording):
     rig = with_settings(recording.rig, [KNOWN_REST])
     again = replay_from_warps(recording, rig, Window.of(recording, None, 0.4))
     assert len(again.different) == again.steps
-    reader = SurfaceReader(rig, Optics(rig), recording.grid)
-    steps = recording.peaks["step"][: again.steps].tolist()
-    expected = [peak(reader.follow(recording.measured(step))).depth_mm for step in steps]
+    reader, uneven = SurfaceReader(rig, Optics(rig), recording.grid), UnevenRest(recording.rest.q)
+    expected = []
+    for step in recording.peaks["step"][: again.steps].tolist():
+        state = recording.state_of(recording.row(step))
+        warp = uneven.levelled(recording.measured(step), state, recording.zero(step))
+        expected.append(peak(reader.follow(warp)).depth_mm)
     assert again.replayed_mm == expected
 
 
