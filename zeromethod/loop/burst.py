@@ -124,7 +124,7 @@ class _Running:
         # between patches the target's dark troughs are noise alone, which looks like motion
         across = ((self.top, self.bottom), grid.v_px), ((self.left, self.right), grid.u_px)
         nearest = (np.rint((np.arange(*ends) - nodes[0]) / grid.spacing_px) for ends, nodes in across)
-        self._read: Mask = self.region[np.ix_(*(one.astype(int) for one in nearest))]
+        self._own: Mask = self.region[np.ix_(*(one.astype(int) for one in nearest))]
         self.pictures: list[Single] = []
         self._sum, self._count = np.zeros_like(thought), np.zeros(thought.shape[:2], np.int64)
         self._rest = rest
@@ -149,7 +149,7 @@ class _Running:
         if len(self.pictures) % SHIFTS:
             return True
         moved = moves(np.stack(self.pictures[-SHIFTS:]), black_grey)
-        return float(np.mean(moved[self._read])) < MOVES_SHARE
+        return float(np.mean(moved[self._own])) < MOVES_SHARE
 
     def watch(self, measured: Warp) -> None:
         """Take in where the other nodes look."""

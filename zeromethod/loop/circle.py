@@ -28,10 +28,10 @@ from zeromethod.loop.light_hold import LightHold
 from zeromethod.loop.light_quality import LightWatch
 from zeromethod.loop.lost_light import LostLight
 from zeromethod.loop.measured_warp import Known, expect, measure_warp, unmixed
-from zeromethod.loop.node_figures import at_rest, node_figures
+from zeromethod.loop.node_figures import node_figures
 from zeromethod.loop.order_check import Order, OrderCheck
 from zeromethod.loop.panel_blur import PanelBlur
-from zeromethod.loop.rest_memory import REST_BLOCK, REST_SIGMAS, REST_WITHIN_LCD_PX
+from zeromethod.loop.rest_memory import rests
 from zeromethod.loop.state import LOCK_RESIDUAL_PX
 from zeromethod.loop.unsteady_nodes import UnsteadyNodes
 from zeromethod.pattern.coded import Coded
@@ -244,16 +244,13 @@ class Circle:
         square, share, covered = node_figures(residual.d, nulled, valid, self.rest.visible, measured.flags)
         rms_px = float(np.sqrt(square))
         self._unlearned = observation.shown.q, self.rest.q, residual, valid, rms_px
-        if frozen and rms_px < LOCK_RESIDUAL_PX and self._is_at_rest(measured):
+        near = frozen and rms_px < LOCK_RESIDUAL_PX
+        if near and rests(measured.q, self.rest.q, measured.sigma, measured.valid):
             self._lost_light.learn(residual)  # no state of the loop says so
         seen = residual, measured, rms_px, share, covered
         burst = self.burst
         coded = (False,) * 3 if burst is None else (burst.blinding, burst.unread, burst.lamp)
         return FrameResult(changed, refusal, observation, *seen, order, *coded)
-
-    def _is_at_rest(self, measured: Warp) -> bool:
-        known = self.rest.q, measured.sigma, measured.valid
-        return bool(at_rest(measured.q, *known, REST_BLOCK, REST_SIGMAS, REST_WITHIN_LCD_PX))
 
     def expect_touch(self, expected: bool) -> None:
         """Keep coded pictures away while a touch is expected: its first frame is to be measured."""

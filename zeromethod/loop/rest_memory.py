@@ -51,6 +51,11 @@ def quadratic(x: Float, y: Float) -> Float:
     return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
 
 
+def rests(q: Float, rest_q: Float, sigma: Float, valid: Mask) -> bool:
+    """Whether a warp q (rows, cols, 2), LCD px, is that at rest but for noise and dirt; sigma: of q."""
+    return bool(at_rest(q, rest_q, sigma, valid, REST_BLOCK, REST_SIGMAS, REST_WITHIN_LCD_PX))
+
+
 class RestMemory:
     """What was off at the first rest, LCD px from the warp of the untouched mirror; shape: of the nodes."""
 
@@ -75,7 +80,7 @@ class RestMemory:
         that of the untouched mirror. LCD px.
         """
         known = measured.sigma, measured.valid
-        if not at_rest(estimate, rest_q, *known, REST_BLOCK, REST_SIGMAS, REST_WITHIN_LCD_PX):
+        if not rests(estimate, rest_q, *known):
             return False
         return self.pressed_lcd_px(measured.q - rest_q, *known) == 0.0
 

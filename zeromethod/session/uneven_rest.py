@@ -20,8 +20,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter, median_filter, uniform_filter
 
 from zeromethod.arrays import Float, Mask
-from zeromethod.loop.node_figures import at_rest
-from zeromethod.loop.rest_memory import REST_BLOCK, REST_SIGMAS, REST_WITHIN_LCD_PX
+from zeromethod.loop.rest_memory import REST_WITHIN_LCD_PX, rests
 from zeromethod.loop.state import State
 from zeromethod.warp.warp import Warp
 
@@ -91,9 +90,7 @@ class UnevenRest:
             away, seen = self._before.q - self._rest_q, self._before.valid
         else:
             return False
-        limits = REST_BLOCK, REST_SIGMAS, REST_WITHIN_LCD_PX
-        known = self._rest_q + away, measured.sigma, seen & measured.valid
-        return bool(at_rest(measured.q, *known, *limits))
+        return rests(measured.q, self._rest_q + away, measured.sigma, seen & measured.valid)
 
     @property
     def _known(self) -> Mask:
