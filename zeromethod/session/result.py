@@ -162,7 +162,8 @@ class RunResult:
         """
         index = bisect_left(self.records, read.number, key=lambda record: record.number)
         if index < len(self.records) and self.records[index].number == read.number:
-            self.records[index] = replace(read, notes=self.records[index].notes)
+            own = self.records[index]  # events are with the step that said them
+            self.records[index] = replace(read, notes=own.notes, pointers=own.pointers)
 
     @property
     def last(self) -> StepFigures | None:

@@ -16,6 +16,7 @@ from zeromethod.loop.state import GOOD, LOCK_FRAMES, LOCK_RESIDUAL_PX, NULLED, R
 from zeromethod.loop.step import StepFigures
 from zeromethod.rig.model import SIMULATED
 from zeromethod.session.contact_figures import contact_rows, force_figures, true_contact_rows
+from zeromethod.session.interaction import pointer_rows
 from zeromethod.session.result import RunResult
 from zeromethod.session.status_figures import status_figures
 from zeromethod.session.watching import approach_rows
@@ -174,6 +175,7 @@ def summarise(result: RunResult) -> Figures:
     nulled = [record for record in held if record.state in NULLED]
     read = [record for record in held if record.state in READ]
     last, unheld = result.last, not_nulled(records)
+    start_ns = records[0].time_ns - round(1e9 * records[0].time_s) if records else 0
     simulated = result.rig.camera.driver == SIMULATED
     figures = {
         "rig": result.rig.name,
@@ -206,7 +208,10 @@ def summarise(result: RunResult) -> Figures:
         **_depth_figures(result, read),
         "fine": _fine(result),
         "contacts": contact_rows(records),
-        "approaches": approach_rows(records),
+        "approaches": approach_rows(((one.time_ns, one.approach) for one in records), start_ns),
+        "pointers": None
+        if result.rig.projector is None
+        else pointer_rows((event for one in records for event in one.pointers), start_ns),
         "contact_status": status_figures(
             [(one.time_s, one.contact_status) for one in records if one.contact_status is not None]
         ),
