@@ -73,6 +73,15 @@ REFUSALS = [
         "run --rig interactive --rubbing",
         "--rubbing: not under a cloth ([cloth] or [projector]), which hides what rubs",
     ),
+    ("run --rig interactive --project x", "--project: x: a whole number from 0"),
+    ("run --project 0", "--project: 0: rig 'simulated' has no table [projector]; allowed: with a rig"),
+    ("run --rig crossed.toml", "projector.corners_mm: [[8.0, -21.0], [76.0, -22.0], [77.0, 22.0], [7.0,"),
+    ("run --rig three.toml", "three.toml: projector.corners_mm[3]: missing: a list of 2 numbers"),
+    ("run --rig film.toml", 'projector.picture: "film": one of "pointers", "white", "black"'),
+    ("run --rig bare.toml", "projector.driver: \"simulated\": 'window' without a table [cloth]"),
+    ("run --rig nowhere-shown.toml", "projector.monitor: missing: an index, as `zeromethod devices` lists"),
+    ("run --rig loose.toml", "cloth.pressed: 0.01: a number from touching, 0.05, to 0.75"),
+    ("run --rig glowing.toml", "control.lamp: true: false under a cloth, whose threads the projector lights"),
     ("run --rig printed --rubbing", "--rubbing: not under a lamp or on a saw ([light] or [prism.teeth])"),
     ("run --passive --rubbing", "--rubbing: not in a passive run, in which nothing is lit white"),
     ("run --rig thinn", "cylinder, dome, interactive, leds, paper,"),
@@ -380,6 +389,19 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     watched = resource("calibration", "rigs", "contactless.toml").read_text()
     (folder / "one-lens.toml").write_text(watched.replace("baseline_mm", "# "))
     (folder / "odd.toml").write_text(watched.replace("columns = 320 ", "columns = 321 "))
+    cloth = resource("calibration", "rigs", "interactive.toml").read_text()
+    corners = "[7.0, 21.0], [77.0, 22.0]]"
+    on_cloth = {
+        "crossed": (corners, "[77.0, 22.0], [7.0, 21.0]]"),
+        "three": (corners, "[7.0, 21.0]]"),
+        "film": ('picture = "pointers"', 'picture = "film"'),
+        "loose": ("pressed = 0.6", "pressed = 0.01"),
+        "glowing": ("lamp = false", "lamp = true"),
+        "nowhere-shown": ('[projector]\ndriver = "simulated"', '[projector]\ndriver = "window"'),
+        "bare": (cloth[cloth.index("[cloth]") : cloth.index("[projector]")], ""),
+    }
+    for name, (given, wrong) in on_cloth.items():
+        (folder / f"{name}.toml").write_text(cloth.replace(given, wrong))
     (folder / "lit.toml").write_text(text + '\n[light]\nsource = "lamp"\n')
     for name, line in (
         ("ring", "ring_mm = [30.0, 20.0]"),

@@ -11,7 +11,7 @@ from zeromethod import Session, load_rig, open_recording
 from zeromethod.devices.opening import open_devices
 from zeromethod.export.formats import export_recording
 from zeromethod.interactive.pointers import PointerType
-from zeromethod.loop.state import NULLED
+from zeromethod.loop.state import NULLED, State
 from zeromethod.operating.player import Player
 from zeromethod.operating.readings import Readings
 from zeromethod.page.replay_content import ReplayContent
@@ -91,3 +91,15 @@ def test_a_recording_replays_the_pointer_events_that_programs_got_live(tmp_path)
         for index, (step, events) in enumerate(live.items()):
             assert recording.steps["number"][index] == step
             assert content.values(index)["pointers"] == events
+
+
+def test_one_dark_frame_lifts_no_finger(tmp_path):
+    dark = round((DOWN_S + 0.07) * 60)
+    rig = coarser(load_rig("interactive"), 4).replace({"cloth.weave_mm": 0.6})
+    faults = {"simulation.faults.light_off_frames": (dark, dark)}
+    rig = rig.replace(faults, scenario=str(press_file(tmp_path)))
+    with Session(rig) as session:
+        steps = list(session.run())
+    assert any(step.state is State.LOST for step in steps)
+    kinds = [event.type for step in steps for event in step.pointers if event.type is not PointerType.MOVE]
+    assert kinds == [PointerType.DOWN] * len(FINGERS) + [PointerType.UP] * len(FINGERS)

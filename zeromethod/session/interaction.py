@@ -17,10 +17,10 @@ from zeromethod.loop.state import State
 from zeromethod.loop.step import Step
 from zeromethod.rig.model import ProjectorSpec, Rig
 
-UNKNOWN = frozenset(
-    {State.COVERED, State.LOST, State.MOVED, State.PAUSED, State.FAULT, State.STOPPED, State.STARTING}
-)
+UNKNOWN = frozenset({State.MOVED, State.PAUSED, State.FAULT, State.STOPPED, State.STARTING})
 """States in which nobody knows where fingers are."""
+UNSEEN = frozenset({State.COVERED, State.LOST})
+"""States in which none is seen, as in a frame without light: they may be there still."""
 
 _PLACE = ("x_mm", "y_mm", "sigma_x_mm", "sigma_y_mm", "x_px", "y_px")
 
@@ -61,7 +61,7 @@ class Interaction:
             return step
         if step.state in UNKNOWN:
             events = self._pointers.unread(step.time_ns, f"{step.state}: {step.reason}")
-        elif step.surface is None:
+        elif step.surface is None or step.state in UNSEEN:
             events = self._pointers.unread(step.time_ns)
         else:
             events = self._pointers.follow(step.touching, step.time_ns)
