@@ -7,7 +7,7 @@ from watched import APPEARS_S, RIG, coming, watched
 from zeromethod.approach import Watching, WatchReader
 from zeromethod.approach.body import Body
 from zeromethod.approach.spot import Spot, spot_of
-from zeromethod.approach.track import UNEVEN, Track, _radius
+from zeromethod.approach.track import CUT_SHARE, UNEVEN, Track, _radius
 from zeromethod.clock import SimulatedClock
 from zeromethod.errors import InputError
 from zeromethod.rig.load import load_rig
@@ -189,5 +189,16 @@ def test_one_wrong_size_among_many_does_not_keep_the_loop_from_arming():
         for radius in (14.0, *[5.0] * 19)
     ]
     # in few of them it may be a shadow's, whose size jumps about
-    assert _radius(bodies[:8])[2] > UNEVEN
-    assert _radius(bodies)[2] < UNEVEN
+    assert _radius(bodies[:8], np.zeros(8))[2] > UNEVEN
+    assert _radius(bodies, np.zeros(20))[2] < UNEVEN
+
+
+def test_a_wrong_size_while_a_view_cuts_it_does_not_keep_a_fast_ball_from_arming():
+    # of two bodies that the border cut the radius was 20 % off, and a fast one is not seen much longer
+    radii = [10.85, 14.28, 11.86, *[14.28] * 9]
+    bodies = [Body(np.zeros(3), np.full(3, 0.1), one, 0.1, one, 1.0, 0.0, 100, np.zeros(6)) for one in radii]
+    cut = np.where(np.arange(12) < 4, CUT_SHARE * 14.0, 0.0)
+    assert _radius(bodies, np.zeros(12))[2] > UNEVEN
+    radius, sigma, uneven = _radius(bodies, cut)
+    assert uneven < UNEVEN
+    assert radius == pytest.approx(14.28, abs=3 * sigma)
