@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -63,6 +63,7 @@ class Track:
     def __init__(self, now_ns: int, spot: Spot) -> None:
         self._start_ns, self._run = now_ns, 0
         self._whole = self._armed = False
+        self._contact_s = 0.0
         self._seen: deque[tuple[float, Spot]] = deque(maxlen=64)
         self.add(now_ns, spot)
 
@@ -93,14 +94,22 @@ class Track:
         self._whole |= not spot.cut
         self._seen.append((1e-9 * (now_ns - self._start_ns), spot))
 
-    @property
-    def kept_s(self) -> float:
-        """How long it goes on without a spot."""
-        return WINDOWS_S[0] if self._armed else MISSED_S
+    def kept_s(self, *, still_seen: bool) -> float:
+        """How long it goes on without a spot: until its touch where both lenses still see something."""
+        if not self._armed:
+            return MISSED_S
+        return max(self._contact_s + KEPT_S, WINDOWS_S[0]) if still_seen else WINDOWS_S[0]
 
-    def miss(self) -> None:
-        """A frame without a spot."""
+    def missed(self, now_ns: int) -> Approach:
+        """What is known of it in a frame without a spot: the last, carried on by its velocity."""
         self._run = 0
+        last = self.approach()
+        gone_s = 1e-9 * (now_ns - self.time_ns)
+        return replace(
+            last, time_ns=now_ns, contact_s=last.contact_s - gone_s,
+            height_mm=last.height_mm - gone_s * last.speed_mm_s,
+            sigma_height_mm=float(np.hypot(last.sigma_height_mm, gone_s * last.sigma_speed_mm_s)),
+        )  # fmt: skip
 
     def _fitting(self, bodies: list[Body]) -> tuple[_Line, Float]:
         """The longest straight line of bodies of one kind that explain the light; `_radius` of these bodies.
@@ -175,6 +184,7 @@ class Track:
             soon = (-KEPT_S if self._armed else 0.0) < contact < SOON_S
             if soon and (self._armed or self._run >= least):
                 state = Watching.COMING
+            self._contact_s = contact
         self._armed = state is Watching.COMING
         plain: dict[str, Any] = {name: float(value) for name, value in figures.items()}
         return Approach(watching=state, time_ns=self.time_ns, **plain)
