@@ -55,6 +55,7 @@ HELPERS = {
 }
 BENCHMARKS = sorted({path.stem for path in Path(str(benchmarks.__file__)).parent.glob("*.py")} - HELPERS)
 
+OF_SIMULATED = "of the simulated bench, and these devices are real: leave it out"
 REFUSALS = [
     ("walk", "No such command 'walk'"),
     ("run --colour red", "--colour"),
@@ -98,7 +99,7 @@ REFUSALS = [
     ("design --pattern print.jpg", "--pattern: print.jpg: the file name must end in .png"),
     ("run --watch-camera 1", "--watch-camera: '1': the rig has no table [watch]; allowed: with"),
     ("run --rig contactless --watch-camera nowhere", "--watch-camera: 'nowhere': allowed: an index (0)"),
-    ("run --rig contactless --watch-camera 1", "watch.driver: 'opencv': camera and watch camera are both"),
+    ("run --rig contactless --watch-camera 1", "--watch-camera: '1': camera and watch camera are both"),
     ("run --rig contactless --watch-camera 1 --simulate", "--simulate and --watch-camera: give one of"),
     ("run --rig odd.toml", "watch.columns: 321: an even number: two views side by side"),
     ("run --rig one-lens.toml", "watch.baseline_mm: missing: a number above 0, from the left lens"),
@@ -118,8 +119,12 @@ REFUSALS = [
     ("run --rig leds --display 1", "--display: not with rig 'leds': arrays have"),
     ("run --rig leds --view :0", "--view: not with rig 'leds': arrays have"),
     ("run --rig leds --frames 3 --seconds 1", "--frames and --seconds: give one of them, not both"),
-    ("run --rig leds --camera 0", "arrays.address: '0': allowed: \"simulated\", udp://HOST:PORT, or serial"),
-    ("run --rig leds --camera serial:///dev/none", "'serial:///dev/none': cannot be opened: No such file"),
+    ("run --rig leds --camera 0", "--camera: '0': allowed: \"simulated\", udp://HOST:PORT, or serial"),
+    ("run --rig leds --camera udp://127.0.0.1:5999 --scenario step", f"--scenario: step: {OF_SIMULATED}"),
+    ("run --rig leds --camera udp://127.0.0.1:5999 --seed 1", f"--seed: 1: {OF_SIMULATED}"),
+    ("run --display 1 --camera 0 --scenario step", f"--scenario: step: {OF_SIMULATED}"),
+    ("check --display 1 --camera 0 --seed 3", f"--seed: 3: {OF_SIMULATED}"),
+    ("run --rig leds --camera serial:///dev/none", "--camera: 'serial:///dev/none': cannot be opened: No"),
     ("run --rig leds --simulate --camera udp://h:1", "--simulate and --camera: give one of them, not both"),
     ("run --rig leds --scenario nothing", "--scenario: nothing: a press file (.toml), or one of"),
     ("run --rig leds --publish here", "--publish: 'here': not an address"),

@@ -118,10 +118,13 @@ def replay(path: Path) -> dict[str, Any]:
 
     # without readings, after the last ones, the loop ends by itself
     frames = sum(step.sensed for step in LightLoop(rig, PlayedArrays(tables["readings"]), record).run())
-    sent = [(row["levels"], again["levels"].get(int(row["number"]))) for row in tables["levels"]]
-    sent = [(before, levels) for before, levels in sent if levels is not None]
+    sent = [
+        np.array_equal(row["levels"], again["levels"][int(row["number"])])
+        for row in tables["levels"]
+        if int(row["number"]) in again["levels"]
+    ]
     read = [(row["modes"], again["depth"].get(int(row["number"]))) for row in tables["depth"]]
-    levels_differing = sum(not np.array_equal(*pair) for pair in sent)
+    levels_differing = sent.count(False)
     readings_differing = sum(modes is None or not np.array_equal(before, modes) for before, modes in read)
     return {
         "frames": frames,

@@ -55,15 +55,16 @@ def lock_frames(records: list[StepFigures], phase: str = "hold") -> int | None:
 def not_nulled(records: list[StepFigures]) -> str | None:
     """When a run did not hold the null though it should have, in words; None where it did.
 
-    A scenario's hold must be nulled at some time. Without a scenario, so must the end: the last 5 s, or half
-    of a shorter run (1 s at least), as a loop that began at rest may have been thrown off by the first press.
+    A scenario's hold must be nulled at some time; of a run that ends before, the end. Without a scenario, so
+    must the last 5 s, or half of a shorter run (1 s at least), as a loop that began at rest may have been
+    thrown off by the first press.
     """
     held = [record for record in records if record.phase == "hold"]
     running = [record for record in records if record.state is not State.STOPPED]
     if not any(record.state in _SEES_TARGET for record in held or running):
         return "during the hold" if held else "in the whole run"
     if any(record.phase for record in records):
-        return None
+        return None if held or running[-1].state is not State.NULLING else "when the run ended"
     length_s = running[-1].time_s - running[0].time_s
     tail_s = max(min(_TAIL_S, 0.5 * length_s), _LEAST_TAIL_S)
     tail = {record.state for record in running if record.time_s >= running[-1].time_s - tail_s}

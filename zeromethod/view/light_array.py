@@ -31,6 +31,10 @@ _ROWS = (
 )
 
 
+_GAP_S = 0.01
+"""Longest time between two readings that a line goes across."""
+
+
 def light_table(figures: dict[str, Any]) -> Table:
     """Table of the figures that there are."""
     known = figures | figures.get("truth", {}) | (figures["loop_ms"] or {})
@@ -74,10 +78,11 @@ def plot_light_run(session: LightSession, path: Path) -> None:
             axes[1, 1].legend()
         axes[1, 1].invert_yaxis()
         labelled(axes[1, 1], f"section at y = {y[row]:.1f} mm (into the rubber = down)", "x, mm", "depth, µm")
-        time_s, peak_mm, sigma_mm = np.array(session.history).T
-        axes[1, 2].plot(time_s, 1e3 * peak_mm)
-        low, high = 1e3 * (peak_mm - 2 * sigma_mm), 1e3 * (peak_mm + 2 * sigma_mm)
-        axes[1, 2].fill_between(time_s, low, high, alpha=0.3)
+        history = np.array(session.history)
+        gaps = 1 + np.flatnonzero(np.diff(history[:, 0]) > _GAP_S)
+        time_s, peak, sigma = np.insert(history, gaps, np.nan, axis=0).T
+        axes[1, 2].plot(time_s, 1e3 * peak)
+        axes[1, 2].fill_between(time_s, 1e3 * (peak - 2 * sigma), 1e3 * (peak + 2 * sigma), alpha=0.3)
         labelled(axes[1, 2], "peak, and two sigma", "s", "µm")
 
 

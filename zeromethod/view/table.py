@@ -210,7 +210,7 @@ def summary_table(figures: Figures) -> Table:
         values = [_look_up(figures, key) for key in keys]
         words = pattern.format(*values) if None not in values else ""
         if words and not (label == _DEEPEST and words == rows[-1][1]):
-            rows.append((named.get(label, label.replace("the hold", of)), words))
+            rows.append((named.get(label, label).replace("the hold", of), words))
     rows += approach_words(figures)
     rows += pointer_words(figures)
     rows += _contact_rows("contact", figures.get("contacts"))
