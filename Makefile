@@ -37,8 +37,8 @@ lint: $(VENV)/.dev-ready
 bench: $(VENV)/.run-ready
 	@mkdir -p out
 	$(BIN)/python -m benchmarks.against_peers --figure out/bench.png --summary out/bench.json
-	@for name in sigma press_suite peaks step_response wavelength_gain contacts contact_image curved_faces acquisition folds nuisances lightings touches scenarios every_pixel still_errors page_cost page_memory long_hold fault_tour live_cost calibration_study decoding passive_textures contactless leds interactive rubbing thin; do \
-		case $$name in live_cost|lightings|contactless|interactive|touches|scenarios|every_pixel|page_memory|thin) quick=--quick;; *) quick=;; esac; \
+	@for name in sigma press_suite peaks step_response wavelength_gain contacts contact_image curved_faces acquisition folds nuisances lightings touches scenarios every_pixel still_errors page_cost page_memory long_hold fault_tour live_cost calibration_study decoding passive_textures contactless leds interactive rubbing touch_faults thin; do \
+		case $$name in live_cost|lightings|contactless|interactive|touch_faults|touches|scenarios|every_pixel|page_memory|thin) quick=--quick;; *) quick=;; esac; \
 		echo "$(BIN)/python -m benchmarks.$$name $$quick"; \
 		$(BIN)/python -m benchmarks.$$name $$quick --summary out/$$name.json || exit; \
 	done

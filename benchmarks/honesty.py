@@ -11,7 +11,7 @@ A run is judged frame by frame from the fault on. What a fault does is the error
 sigma; a fault whose effect exceeds 3 must be named: within 10 frames of it the state is neither locked nor
 resting. No honest run may be named. Nodes are counted in every frame that is called good. --rig printed is
 read passively: there *passive* counts as locked. --rig thin has pixels twice as large, and presses less deep,
-until its saw can null them.
+until its saw can null them; --rig interactive has pixels twice as large.
 """
 
 from __future__ import annotations
@@ -38,6 +38,7 @@ from benchmarks.calibration_benches import (
 from benchmarks.calibration_study import KNOWN_MM
 from benchmarks.fault_tour import LIGHTS
 from benchmarks.hand_presses import any_press, can_be_nulled, shallow_enough
+from benchmarks.interactive import bench as interactive_bench
 from benchmarks.parts import Parts, part_options
 from benchmarks.report import Figure, Report, benchmark, start
 from benchmarks.rigs import changed, coarser
@@ -298,13 +299,20 @@ def by_place_mm(surface: Surface, peak: Peak, mirror: DepthField) -> float:
     )
 
 
+def bench_by_name(name: str) -> Rig:
+    """Packaged rig with larger pixels, and nothing that presses; cloth has threads as much wider."""
+    if name == "interactive":
+        return interactive_bench("pointers").model_copy(update={"scenario": "none"})
+    return coarser(load_rig(name), 2 if name == "thin" else 4).model_copy(update={"scenario": "none"})
+
+
 def report(count: int, *, faults: bool, parts: Parts, light: str = "lcd", name: str = "simulated") -> Report:
     """Run `count` honest presses, and all faults, or those of them that are still missing in `parts`.
 
     light: one of `LIGHTS`. name: a packaged rig. With others than the LCD alone and the packaged bench the
     bench is that of the rig file.
     """
-    known = coarser(load_rig(name), 2 if name == "thin" else 4).model_copy(update={"scenario": "none"})
+    known = bench_by_name(name)
     with parts.folder() as folder:
         calibrate = functools.cache(functools.partial(calibrated, folder))
         benches: list[tuple[Rig, int | None]] = []
@@ -393,7 +401,7 @@ def _early(runs: Sequence[Outcome], state: str) -> Figure:
     click.option(
         "--rig",
         "name",
-        type=click.Choice(["simulated", "printed", "thin"]),
+        type=click.Choice(["simulated", "printed", "thin", "interactive"]),
         default="simulated",
         help="The bench.",
     ),

@@ -80,6 +80,15 @@ def rubbed(
     return found, rig
 
 
+def rub_rig(folder: Path, speed_mm_s: float, from_s: float, to_s: float, end_s: float) -> Rig:
+    """Rig under woven cloth that slides from one time to another and is pressed until the end."""
+    x_mm, force = 36.0, _force_n(large=False)
+    path = [(TOUCH_S, x_mm, 0.0), (TOUCH_S + 0.02, x_mm, force), (from_s, x_mm, force)]
+    path += [(to_s, x_mm + speed_mm_s * (to_s - from_s), force)]
+    path += [(end_s, path[-1][1], force)] if end_s > to_s else []
+    return _of_pixels(_rig(folder, _object("woven", 0.9, 0.9, 0, path), 0), 640, 352)
+
+
 def _radius_mm(*, large: bool) -> float:
     return 7.0 if large else 3.0
 

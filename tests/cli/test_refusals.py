@@ -55,6 +55,7 @@ HELPERS = {
 }
 BENCHMARKS = sorted({path.stem for path in Path(str(benchmarks.__file__)).parent.glob("*.py")} - HELPERS)
 
+OF_SIMULATED = "of the simulated bench, and these devices are real: leave it out"
 REFUSALS = [
     ("walk", "No such command 'walk'"),
     ("run --colour red", "--colour"),
@@ -72,6 +73,15 @@ REFUSALS = [
         "run --rig interactive --rubbing",
         "--rubbing: not under a cloth ([cloth] or [projector]), which hides what rubs",
     ),
+    ("run --rig interactive --project x", "--project: x: a whole number from 0"),
+    ("run --project 0", "--project: 0: rig 'simulated' has no table [projector]; allowed: with a rig"),
+    ("run --rig crossed.toml", "projector.corners_mm: [[8.0, -21.0], [76.0, -22.0], [77.0, 22.0], [7.0,"),
+    ("run --rig three.toml", "three.toml: projector.corners_mm[3]: missing: a list of 2 numbers"),
+    ("run --rig film.toml", 'projector.picture: "film": one of "pointers", "white", "black"'),
+    ("run --rig bare.toml", "projector.driver: \"simulated\": 'window' without a table [cloth]"),
+    ("run --rig nowhere-shown.toml", "projector.monitor: missing: an index, as `zeromethod devices` lists"),
+    ("run --rig loose.toml", "cloth.pressed: 0.01: a number from touching, 0.05, to 0.75"),
+    ("run --rig glowing.toml", "control.lamp: true: false under a cloth, whose threads the projector lights"),
     ("run --rig printed --rubbing", "--rubbing: not under a lamp or on a saw ([light] or [prism.teeth])"),
     ("run --passive --rubbing", "--rubbing: not in a passive run, in which nothing is lit white"),
     ("run --rig thinn", "cylinder, dome, interactive, leds, paper,"),
@@ -89,7 +99,7 @@ REFUSALS = [
     ("design --pattern print.jpg", "--pattern: print.jpg: the file name must end in .png"),
     ("run --watch-camera 1", "--watch-camera: '1': the rig has no table [watch]; allowed: with"),
     ("run --rig contactless --watch-camera nowhere", "--watch-camera: 'nowhere': allowed: an index (0)"),
-    ("run --rig contactless --watch-camera 1", "watch.driver: 'opencv': camera and watch camera are both"),
+    ("run --rig contactless --watch-camera 1", "--watch-camera: '1': camera and watch camera are both"),
     ("run --rig contactless --watch-camera 1 --simulate", "--simulate and --watch-camera: give one of"),
     ("run --rig odd.toml", "watch.columns: 321: an even number: two views side by side"),
     ("run --rig one-lens.toml", "watch.baseline_mm: missing: a number above 0, from the left lens"),
@@ -109,8 +119,12 @@ REFUSALS = [
     ("run --rig leds --display 1", "--display: not with rig 'leds': arrays have"),
     ("run --rig leds --view :0", "--view: not with rig 'leds': arrays have"),
     ("run --rig leds --frames 3 --seconds 1", "--frames and --seconds: give one of them, not both"),
-    ("run --rig leds --camera 0", "arrays.address: '0': allowed: \"simulated\", udp://HOST:PORT, or serial"),
-    ("run --rig leds --camera serial:///dev/none", "'serial:///dev/none': cannot be opened: No such file"),
+    ("run --rig leds --camera 0", "--camera: '0': allowed: \"simulated\", udp://HOST:PORT, or serial"),
+    ("run --rig leds --camera udp://127.0.0.1:5999 --scenario step", f"--scenario: step: {OF_SIMULATED}"),
+    ("run --rig leds --camera udp://127.0.0.1:5999 --seed 1", f"--seed: 1: {OF_SIMULATED}"),
+    ("run --display 1 --camera 0 --scenario step", f"--scenario: step: {OF_SIMULATED}"),
+    ("check --display 1 --camera 0 --seed 3", f"--seed: 3: {OF_SIMULATED}"),
+    ("run --rig leds --camera serial:///dev/none", "--camera: 'serial:///dev/none': cannot be opened: No"),
     ("run --rig leds --simulate --camera udp://h:1", "--simulate and --camera: give one of them, not both"),
     ("run --rig leds --scenario nothing", "--scenario: nothing: a press file (.toml), or one of"),
     ("run --rig leds --publish here", "--publish: 'here': not an address"),
@@ -375,6 +389,19 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     watched = resource("calibration", "rigs", "contactless.toml").read_text()
     (folder / "one-lens.toml").write_text(watched.replace("baseline_mm", "# "))
     (folder / "odd.toml").write_text(watched.replace("columns = 320 ", "columns = 321 "))
+    cloth = resource("calibration", "rigs", "interactive.toml").read_text()
+    corners = "[7.0, 21.0], [77.0, 22.0]]"
+    on_cloth = {
+        "crossed": (corners, "[77.0, 22.0], [7.0, 21.0]]"),
+        "three": (corners, "[7.0, 21.0]]"),
+        "film": ('picture = "pointers"', 'picture = "film"'),
+        "loose": ("pressed = 0.6", "pressed = 0.01"),
+        "glowing": ("lamp = false", "lamp = true"),
+        "nowhere-shown": ('[projector]\ndriver = "simulated"', '[projector]\ndriver = "window"'),
+        "bare": (cloth[cloth.index("[cloth]") : cloth.index("[projector]")], ""),
+    }
+    for name, (given, wrong) in on_cloth.items():
+        (folder / f"{name}.toml").write_text(cloth.replace(given, wrong))
     (folder / "lit.toml").write_text(text + '\n[light]\nsource = "lamp"\n')
     for name, line in (
         ("ring", "ring_mm = [30.0, 20.0]"),

@@ -67,6 +67,27 @@ def fill(code: int, delay_s: float = 0.0) -> object:
     return render
 
 
+def test_lcd_and_projector_show_their_pictures_at_once_each_on_its_monitor(desktop, display):
+    from zeromethod.drivers.projector_window import ProjectorWindow
+
+    projector = ProjectorWindow(0, REFRESH_HZ)
+    try:
+        speckled = speckle(display)
+        projected = np.full((240, 320), 90, np.uint8)
+
+        def both_shown() -> bool:
+            display.show(speckled)
+            projector.show(projected)
+            projector.poll()
+            lcd, surface = grab(desktop, 1), grab(desktop, 0)
+            return bool((lcd == speckled[..., None]).all() and (surface == 90).all())
+
+        eventually(both_shown)
+        assert not projector.trouble
+    finally:
+        projector.close()
+
+
 def test_the_chosen_monitor_shows_the_picture_bit_for_bit_and_the_other_nothing(desktop, display):
     other = grab(desktop, 0)
     for seed in (3, 4):

@@ -10,6 +10,8 @@ from zeromethod.contact import ContactFigures
 from zeromethod.interactive.homography import mapped, mm_to_px
 from zeromethod.interactive.pointers import Pointers, PointerType
 from zeromethod.interactive.screen import PointerScreen
+from zeromethod.session.interaction import pointer_rows
+from zeromethod.view.table import pointer_words
 
 SPEC = load_rig("interactive").projector
 FRAME_NS = 16_666_667
@@ -41,6 +43,23 @@ def test_a_finger_comes_moves_and_goes_as_browsers_have_it():
     (up,) = pointers.follow([], 4 * FRAME_NS)
     assert (up.type, up.pressure, up.pointer_id) == (PointerType.UP, 0.0, 1)
     assert not pointers.down
+
+
+def test_a_row_of_each_finger_says_how_it_came_and_ended():
+    pointers = Pointers(SPEC)
+    other = replace(FINGER, id=2, x_mm=60.0)
+    said = [*pointers.follow([FINGER], 0), *pointers.follow([replace(FINGER, x_mm=41.0)], FRAME_NS)]
+    said += [*pointers.follow([other], 2 * FRAME_NS), *pointers.follow([other], 3 * FRAME_NS)]
+    first, second = pointer_rows(said, -FRAME_NS)
+    assert (first["id"], first["x_mm"], first["to_x_mm"], first["moves"]) == (1, 40.0, 41.0, 1)
+    assert (first["down_s"], first["up_s"]) == pytest.approx((1e-9 * FRAME_NS, 4e-9 * FRAME_NS))
+    assert (first["ended"], second["ended"], second["up_s"]) == ("pointerup", None, None)
+    cancelled = pointer_rows([*said, *pointers.unread(4 * FRAME_NS, "fault: no camera")], -FRAME_NS)[1]
+    (_, up), (_, lost) = pointer_words({"pointers": [first, cancelled]})
+    assert "; 1 moves; up at 0.07 s, (41.00 ± 0.05, 2.00 ± 0.05) mm" in up
+    assert "cancelled (fault: no camera)" in lost
+    assert "still down" in pointer_words({"pointers": [second]})[0][1]
+    assert pointer_words({"pointers": []}) == [("pointer events", "none")]
 
 
 def test_noise_of_place_and_force_is_no_move_but_a_harder_press_is():

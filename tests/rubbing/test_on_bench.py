@@ -99,7 +99,7 @@ def test_a_csv_the_report_and_a_replay_have_them_too(run, tmp_path):
     written = export_recording(recording, tmp_path / "rub.csv", form="rubbing")
     with (tmp_path / "rub.csv").open(newline="") as file:
         lines = list(csv.DictReader(file))
-    assert written["frames"] == len(lines) == len(known)
+    assert written["rows"] == len(lines) == len(known)
     assert [line["motion"] for line in lines] == [str(one.contact_status.motion) for one in known]
     last = known[-1].contact_status
     assert float(lines[-1]["pitch_mm"]) == last.pitch_mm

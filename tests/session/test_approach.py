@@ -1,8 +1,17 @@
+import csv
+
+import numpy as np
+import pytest
+
 from benchmarks.rigs import coarser
 from zeromethod import Session, State
+from zeromethod.errors import InputError
+from zeromethod.export.formats import export_recording
 from zeromethod.operating.readings import approach_values
 from zeromethod.recording import Recording
 from zeromethod.rig.load import load_rig
+from zeromethod.view.report_summary import summarise_recording
+from zeromethod.view.table import approach_words
 
 SCENARIO = """duration_s = 1.6
 [[object]]
@@ -42,6 +51,21 @@ def test_a_touch_is_expected_and_its_first_frame_is_measured(tmp_path):
     with Recording(file) as recording:
         rows = recording.tables.approaches()
         states = [str(recording.state_of(row)) for row in recording.steps]
+        assert summarise_recording(recording)["approaches"] == [pytest.approx(summed)]
+        written = export_recording(recording, tmp_path / "come.csv", form="approaches")
+        with pytest.raises(InputError, match="no pointer events"):
+            export_recording(recording, tmp_path / "come.csv", form="pointers")
+    with (tmp_path / "come.csv").open(newline="") as lines:
+        came = list(csv.DictReader(lines))
+    assert written["rows"] == len(came) == len(rows)
+    assert [float(one["sigma_height_mm"]) for one in came if one["sigma_height_mm"]] == [
+        one for one in rows["sigma_height_mm"].tolist() if np.isfinite(one)
+    ]
+    ((label, words),) = approach_words({"approaches": [summed]})
+    assert label == "approach"
+    assert words.startswith(
+        f"armed at {summed['armed_s']:.2f} s, touch expected at {summed['contact_s']:.3f} ± "
+    )
     assert "approach" in states
     assert summed["armed_s"] < summed["contact_s"]
     # 30 Hz beside 60: a row per frame of the watch camera, not per step

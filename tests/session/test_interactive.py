@@ -1,5 +1,6 @@
 """Fingers through a cloth under a projector's light: the loop locks, fingers are found, placed, weighed."""
 
+import csv
 from pathlib import Path
 
 import numpy as np
@@ -8,11 +9,13 @@ import pytest
 from benchmarks.rigs import coarser
 from zeromethod import Session, load_rig, open_recording
 from zeromethod.devices.opening import open_devices
+from zeromethod.export.formats import export_recording
 from zeromethod.interactive.pointers import PointerType
-from zeromethod.loop.state import NULLED
+from zeromethod.loop.state import NULLED, State
 from zeromethod.operating.player import Player
 from zeromethod.operating.readings import Readings
 from zeromethod.page.replay_content import ReplayContent
+from zeromethod.view.report_summary import summarise_recording
 
 FINGERS = ((30.0, -6.0, 0.3), (52.0, 5.0, 0.5))
 DOWN_S, UP_S = 0.3, 0.42
@@ -67,12 +70,36 @@ def test_a_recording_replays_the_pointer_events_that_programs_got_live(tmp_path)
         for step in session.run():
             readings.see(step)
             live[step.number] = readings.values["pointers"]
+        rows = session.figures["pointers"]
     last = live[max(live)]
     kinds = [event["type"] for event in last]
     # each of the two comes and goes once: nothing is invented where they were
     assert [kinds.count(one) for one in (PointerType.DOWN, PointerType.UP)] == [len(FINGERS), len(FINGERS)]
+    assert sum(row["moves"] + 2 for row in rows) == len(last)
+    for row, (x, y, force) in zip(sorted(rows, key=lambda one: one["x_mm"]), FINGERS, strict=True):
+        assert np.hypot(row["to_x_mm"] - x, row["to_y_mm"] - y) < 0.8  # as above
+        assert row["ended"] == PointerType.UP
+        assert row["pressure"] == pytest.approx(force / rig.projector.full_force_n, rel=0.15)
     with open_recording(tmp_path / "run.h5") as recording:
+        assert summarise_recording(recording)["pointers"] == rows
+        export_recording(recording, tmp_path / "touches.csv", form="pointers")
+        with (tmp_path / "touches.csv").open(newline="") as lines:
+            written = list(csv.DictReader(lines))
+        assert [one["type"] for one in written] == kinds
+        assert [float(one["y_px"]) for one in written] == [event["y"] for event in last]
         content = ReplayContent(recording, Player(recording.seconds))
         for index, (step, events) in enumerate(live.items()):
             assert recording.steps["number"][index] == step
             assert content.values(index)["pointers"] == events
+
+
+def test_one_dark_frame_lifts_no_finger(tmp_path):
+    dark = round((DOWN_S + 0.07) * 60)
+    rig = coarser(load_rig("interactive"), 4).replace({"cloth.weave_mm": 0.6})
+    faults = {"simulation.faults.light_off_frames": (dark, dark)}
+    rig = rig.replace(faults, scenario=str(press_file(tmp_path)))
+    with Session(rig) as session:
+        steps = list(session.run())
+    assert any(step.state is State.LOST for step in steps)
+    kinds = [event.type for step in steps for event in step.pointers if event.type is not PointerType.MOVE]
+    assert kinds == [PointerType.DOWN] * len(FINGERS) + [PointerType.UP] * len(FINGERS)

@@ -30,7 +30,8 @@ def records(*parts: tuple[State, float], phase: str = "") -> list[StepFigures]:
         (((N, 8), (R, 0.5)), "", None),
         (((R, 3), (P, 6)), "", None),  # as it was asked for
         (((N, 0.3), (U, 6)), "", None),  # sees the target, and says itself what is wrong
-        (((R, 0.3), (N, 8)), "slide", None),  # a scenario has its hold for that
+        (((R, 0.3), (N, 8), (R, 0.2)), "slide", None),  # a scenario has its hold for that
+        (((R, 3), (N, 0.1)), "slide", "when the run ended"),  # cut off before its hold
         (((N, 3),), "hold", "during the hold"),
     ],
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -16,7 +17,10 @@ from small_rigs import paper
 import zeromethod as zm
 from benchmarks.rigs import coarser
 from zeromethod import load_rig, summarise
+from zeromethod.approach import Approach, Watching
+from zeromethod.interactive.pointers import Pointers
 from zeromethod.view.axes import colour_bar
+from zeromethod.view.events_figure import draw_approaches, draw_pointers
 from zeromethod.view.figure import _draw_pressure, _section, _title, plot_run
 
 
@@ -33,14 +37,51 @@ def test_a_run_on_the_papers_bench_that_ended_early_is_drawn(frames: int, tmp_pa
     assert [path.name for path in tmp_path.iterdir()] == ["p.png"]
 
 
-def test_a_run_that_ended_before_the_hold_says_so_in_place_of_what_it_has_not() -> None:
-    rig = coarser(load_rig("simulated"), 8)
-    with zm.Session(rig) as session:
-        assert len(list(session.run(frames=5))) == 5
-        figure = plot_run(session)
-    said = [text.get_text() for axis in figure.axes for text in axis.texts]
-    assert said.count("the run ended\nbefore the hold") == 9
-    assert "never nulled" not in said
+def _titles(session: zm.Session) -> list[str]:
+    return [axis.get_title() for axis in plot_run(session).axes]
+
+
+def test_a_run_that_never_presses_shows_what_it_read_and_calls_nothing_pressed() -> None:
+    with zm.Session(coarser(load_rig("simulated"), 8)) as session:
+        *_, last = session.run(frames=5)
+        titles = _titles(session)
+    assert f"read: untouched, {last.state} ({last.time_s:.2f} s)" in titles
+    assert f"residual: untouched, {last.state}" in titles
+    assert not re.search("pressed|before|nulled", " ".join(titles))
+
+
+def test_a_run_that_ends_under_a_press_shows_that_press() -> None:
+    # comes down between two frames at 0.2 s
+    with zm.Session(coarser(load_rig("simulated"), 8).replace(scenario="step")) as session:
+        steps = [step for step in session.run(seconds=0.26) if step.surface is not None]
+        titles = _titles(session)
+    assert steps[-1].state is zm.State.NULLING
+    assert session.result.shown is not None
+    assert session.result.shown.number == steps[-1].number
+    assert next(title for title in titles if title.startswith("read: ")).count("nulling") == 1
+
+
+def test_what_came_and_what_fingers_did_are_drawn() -> None:
+    axes = Figure().subplots(3)
+    known = {"sigma_height_mm": 0.1, "sigma_contact_s": 0.01, "sigma_x_mm": 0.1, "sigma_y_mm": 0.1}
+    came = [
+        Approach(
+            watching=Watching.COMING, time_ns=k * 10**8, height_mm=50.0 - k, contact_s=1.0 - 0.1 * k,
+            x_mm=40.0, y_mm=1.0, **known,
+        )
+        for k in range(5)
+    ]  # fmt: skip
+    draw_approaches(axes, [Approach(watching=Watching.CLEAR), *came, *came], 0)
+    assert [len(line.get_xdata()) for axis in axes for line in axis.lines] == [5, 5]
+    assert np.ptp(np.asarray(axes[1].lines[0].get_ydata())) == pytest.approx(0.0)
+    draw_approaches(axes := Figure().subplots(3), [Approach(watching=Watching.CLEAR)], 0)
+    assert [axis.texts[0].get_text() for axis in axes] == ["nothing came", "never armed", "never armed"]
+    pointers = Pointers(load_rig("interactive").projector)
+    finger = replace(round_contact().figures, id=3, force_n=0.4, sigma_force_n=0.002)
+    draw_pointers(axes := Figure().subplots(3), pointers.follow([finger], 10**9), 0, 3 * 10**9)
+    # until it is lifted it is where it was
+    assert np.asarray(axes[1].lines[0].get_xdata()).tolist() == [1.0, 3.0]
+    assert np.asarray(axes[1].lines[0].get_ydata()).tolist() == pytest.approx([0.4, 0.4])
 
 
 def test_the_true_depth_is_not_drawn_across_a_hole() -> None:

@@ -76,6 +76,19 @@ def test_the_reason_of_a_state_is_shown_whole_in_a_narrow_terminal():
     ]
 
 
+def test_without_a_terminal_a_line_now_and_then_says_how_far_it_is(monkeypatch):
+    now_s = [0.0]
+    monkeypatch.setattr("zeromethod.view.progress.time.monotonic", lambda: now_s[0])
+    console = Console(file=StringIO(), width=80)
+    with LiveStatus(console, 60.0, "seconds") as live:
+        for second in range(31):
+            now_s[0] = float(second)
+            live.update(replace(pressed(L), time_s=0.5 * second), second)
+    lines = console.file.getvalue().splitlines()
+    assert [line.partition(":")[0] for line in lines] == [f"{n} of 60 seconds" for n in (5, 10, 15)]
+    assert all(re.search("locked  .*peak 200.00 µm", line) for line in lines)
+
+
 def test_no_figure_that_is_not_known_is_shown():
     nothing = Warp.drawn(np.zeros((4, 4, 2)), Role.COMMANDED, 0)
     step = Step(number=1, time_ns=0, time_s=0.0, state=State.STARTING, commanded=nothing, filtered=nothing)

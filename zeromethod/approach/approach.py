@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
 
 NAN = float("nan")
 
@@ -48,6 +51,13 @@ class Approach:
     diameter_mm: float = NAN
     sigma_diameter_mm: float = NAN
     reason: str = ""
+
+    @classmethod
+    def of_row(cls, row: np.void) -> Approach:
+        """From a row of a recording's table of them, which has no reason."""
+        names = {one.name for one in fields(cls)} & set(row.dtype.names or ())
+        values: dict[str, Any] = {name: row[name].item() for name in names}
+        return cls(**values | {"watching": Watching(row["watching"].decode())})
 
     @property
     def armed(self) -> bool:

@@ -14,8 +14,10 @@ from zeromethod.calibration.folder import calibration_of
 from zeromethod.cli.calibrate_options import patience_option
 from zeromethod.cli.calibrated_bench import check_calibration
 from zeromethod.cli.device_options import (
+    REAL_CAMERAS,
     BenchOptions,
     bench_options,
+    check_simulated,
     given_rig,
     opened_devices,
     say_simulated,
@@ -83,6 +85,7 @@ def weight_command(
     check_weight(grams, sigma_grams)
     path = _own_file(rig_name)
     rig = with_devices(given_rig(rig_name), BenchOptions(**devices))
+    check_simulated(rig.camera.driver in REAL_CAMERAS, scenario, seed)
     if scenario is None and rig.camera.driver == SIMULATED:
         scenario = _SIMULATED
     rig = with_given(rig, scenario, simulation={"seed": seed})

@@ -12,8 +12,10 @@ from zeromethod.calibration.folder import calibration_of
 from zeromethod.cli.calibrate_known import check_depths
 from zeromethod.cli.calibrated_bench import check_calibration
 from zeromethod.cli.device_options import (
+    REAL_CAMERAS,
     BenchOptions,
     bench_options,
+    check_simulated,
     given_rig,
     opened_devices,
     rig_option,
@@ -78,6 +80,7 @@ def check_command(
     calibration.
     """
     rig = with_devices(given_rig(rig_name), BenchOptions(**others))
+    check_simulated(rig.camera.driver in REAL_CAMERAS, scenario, seed)
     rig = with_given(rig, scenario or ("none" if press_depth_mm is None else None), simulation={"seed": seed})
     check_geometry(rig)
     if press_depth_mm is not None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
@@ -30,6 +32,39 @@ _RIG = "rig: "
 WINDOW = "display window: "
 """How messages about the screen begin; left out where only monitors are listed."""
 
+_VALUE = r"""('[^']*'|"[^"]*"|.*?): """
+_REFUSED = (
+    ("--watch-camera", "watch_address", r"watch camera(\.(driver|source|address|serial): " + _VALUE + "|: )"),
+    ("--watch-camera", "watch_address", r"watch\.driver: " + _VALUE),
+    ("--camera", "address", r"(camera|arrays)(\.(driver|source|address|serial): " + _VALUE + "|: )"),
+    ("--display", "monitor", "display window: "),
+    ("--project", "project", r"display window: |projector\.monitor: " + _VALUE),
+)
+"""Options that name devices, their parameters, and how messages begin that refuse one by the rig's keys."""
+
+
+def _said_by_option(message: str, typed: Mapping[str, Any]) -> str:
+    """A message about a device by the option that named it, if one did. typed: values by parameter."""
+    for option, parameter, begins in _REFUSED:
+        value = typed.get(parameter)
+        if value is not None and (found := re.match(begins, message)):
+            return f"{option}: {value!r}: {message[found.end() :]}"
+    return message
+
+
+def _saying_options(command: Callable[..., None]) -> Callable[..., None]:
+    """The command, whose refusals of devices name what the user typed."""
+
+    @functools.wraps(command)
+    def saying(**given: Any) -> None:
+        try:
+            command(**given)
+        except InputError as error:
+            raise InputError(_said_by_option(str(error), given)) from error
+
+    return saying
+
+
 bench_options = several(
     click.option(
         "--display", "monitor", type=Whole(min=0), help="The LCD is this monitor: see `devices`."
@@ -53,6 +88,7 @@ bench_options = several(
         "--trigger", type=click.Choice(["free", "software", "hardware"]),
         help="What starts the camera's exposures.",
     ),
+    _saying_options,
 )  # fmt: skip
 
 _NAMES = {
@@ -208,6 +244,14 @@ def with_given(rig: Rig, scenario: str | None, **tables: Mapping[str, Any]) -> R
     if changed.control.rubbing and (hidden := changed.rubs_unseen):
         raise InputError(f"--rubbing: not {hidden}")
     return changed
+
+
+def check_simulated(real: bool, scenario: str | None, seed: int | None) -> None:
+    """Refuse options of the simulated bench where devices are real."""
+    for option, value in (("--scenario", scenario), ("--seed", seed)):
+        if value is not None and real:
+            rule = "of the simulated bench, and these devices are real: leave it out"
+            raise InputError(f"{option}: {value}: {rule}")
 
 
 def checked_scenario(name: str) -> str:

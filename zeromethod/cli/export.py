@@ -75,7 +75,8 @@ def export_command(
     .mcap        camera, depth image, point cloud, peak, state for robots (ROS 2 types)
     .mp4         a video of camera, residual and depth
 
-    With --format rubbing OUT is a .csv of how a texture rubbed, of `run --rubbing`.
+    OUT may be a .csv of something else, with --format: rubbing (how a texture rubbed, of `run --rubbing`),
+    pointers (what fingers did, of a rig with a projector), approaches (what a watch camera saw come).
 
     With --fine: .npz, .tif, .ply, .stl and .csv of the surfaces of every pixel.
 
@@ -139,7 +140,9 @@ _ABOUT = {
     "npz": "",
     "tiff": "{columns} x {rows} px of {pitch_mm:g} mm",
     "csv": "{peaks} peaks",
-    "rubbing": "{frames} frames with a contact status",
+    "rubbing": "{rows} frames with a contact status",
+    "pointers": "{rows} pointer events",
+    "approaches": "{rows} frames of the watch camera",
     "mp4": "{rate_hz:.3f} frames/s, {length_s:.2f} s, {codec}",
     **dict.fromkeys(MESHES, _MESH),
 }

@@ -10,6 +10,7 @@ from typing import Any, cast
 import click
 from rich.console import Console
 
+from zeromethod.cli.device_options import check_simulated, checked_scenario
 from zeromethod.cli.output import write_summary, writing
 from zeromethod.cli.stopping import stopped_by_signals
 from zeromethod.errors import InputError, MeasurementError
@@ -40,6 +41,7 @@ def run_light_array(rig: LightArrayRig, typed: Sequence[str], given: Mapping[str
     if given["simulate"] and given["address"] is not None:
         raise InputError("--simulate and --camera: give one of them, not both")
     rig = _with_given(rig, given)
+    check_simulated(rig.arrays.address != "simulated", given["scenario"], given["seed"])
     limit_threads()
     frames, seconds = given["frames"], given["seconds"]
     with stopped_by_signals(), LightSession(rig, given["publish"], given["recording"]) as session:
@@ -62,6 +64,9 @@ def run_light_array(rig: LightArrayRig, typed: Sequence[str], given: Mapping[str
         raise KeyboardInterrupt
     if figures["state"] in {State.FAULT, State.LOST}:
         raise MeasurementError(f"{figures['state']}: {figures['reason']}")
+    if not session.history:
+        why = f": {figures['reason']}" if figures["reason"] else ""
+        raise MeasurementError(f"no depth was read, {figures['state'] or 'nothing came'} at the end{why}")
 
 
 def _follow(session: LightSession, live: LiveStatus, frames: int | None, seconds: float | None) -> None:
@@ -83,8 +88,6 @@ def _follow(session: LightSession, live: LiveStatus, frames: int | None, seconds
 
 def _with_given(rig: LightArrayRig, given: Mapping[str, Any]) -> LightArrayRig:
     """Rig with the values of options in place of its own."""
-    from zeromethod.cli.device_options import checked_scenario  # noqa: PLC0415 - it loads what cameras need
-
     tables: dict[str, Any] = {}
     if given["scenario"] is not None:
         tables["scenario"] = checked_scenario(given["scenario"])

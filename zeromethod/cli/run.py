@@ -13,8 +13,10 @@ from rich.console import Console
 from zeromethod.calibration.folder import DOCUMENT, calibration_of, lacks_document
 from zeromethod.cli.calibrated_bench import check_calibration
 from zeromethod.cli.device_options import (
+    REAL_CAMERAS,
     BenchOptions,
     bench_options,
+    check_simulated,
     control_options,
     given_options,
     given_rig,
@@ -188,8 +190,10 @@ def run_command(
         if given := (*options.given, *(["--watch-camera"] if watch_address else [])):
             raise InputError(f"--simulate and {given[0]}: give one of them, not both")
         rig = simulated_clone(rig)
+    rig = with_devices(rig, options, passive=passive)
+    check_simulated(rig.camera.driver in REAL_CAMERAS, scenario, seed)
     rig = with_given(
-        with_devices(rig, options, passive=passive),
+        rig,
         scenario,
         display={"latency_s": latency_s},
         simulation={"seed": seed},

@@ -15,8 +15,9 @@ from zeromethod.export.npz import export_npz
 from zeromethod.export.selection import SelectedSteps, Selection, needed, require
 from zeromethod.export.source import MapSource
 from zeromethod.export.tiff import export_tiff
-from zeromethod.export.track import export_status, export_track
+from zeromethod.export.track import export_rows, export_track
 from zeromethod.recording.recording import Recording
+from zeromethod.rig.model import Rig
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,13 +41,30 @@ def _export_video(*common: Any) -> dict[str, Any]:
     return export_video(*common)
 
 
+def _rows(table: str, has: Callable[[Rig], bool], without: str) -> _Format:
+    """A table of the recording as a .csv, by --format alone."""
+    return _Format(partial(export_rows, table=table, has=has, without=without), (), groups=(), parts=())
+
+
 _FORMATS = {
     "npz": _Format(export_npz, (".npz",)),
     "tiff": _Format(export_tiff, (".tif", ".tiff"), "tifffile"),
     "ply": _Format(partial(export_mesh, form="ply"), (".ply",), "trimesh"),
     "stl": _Format(partial(export_mesh, form="stl"), (".stl",), "trimesh"),
     "csv": _Format(export_track, (".csv",), groups=(), parts=()),
-    "rubbing": _Format(export_status, (), groups=(), parts=()),
+    "rubbing": _rows(
+        "contact_status",
+        lambda rig: rig.control.rubbing,
+        "without --rubbing, so that it has no contact status",
+    ),
+    "pointers": _rows(
+        "pointers",
+        lambda rig: rig.projector is not None,
+        "on a rig without [projector]: it has no pointer events",
+    ),
+    "approaches": _rows(
+        "approaches", lambda rig: rig.watch is not None, "without a watch camera: it does not have what came"
+    ),
     "mcap": _Format(export_mcap, (".mcap",), "mcap_ros2.writer", ("frames", "surface"), (), "an MCAP file"),
     "mp4": _Format(_export_video, (".mp4",), "av", ("frames",), ("frames", "residual", "surface"), "a video"),
 }
@@ -155,7 +173,8 @@ def export_recording(
     path : str or Path
         File to write; its suffix chooses the format: .npz, .tif, .ply, .stl, .csv, .mcap, .mp4.
     form : str, optional
-        Format, whatever the suffix: "npz", "tiff", "ply", "stl", "csv", "mcap" or "mp4".
+        Format, whatever the suffix: "npz", "tiff", "ply", "stl", "csv", "mcap" or "mp4"; or "rubbing",
+        "pointers", "approaches": these tables of the recording as CSV.
     from_s, to_s : float, optional
         Part to export, seconds since the recording's first step.
     every : int

@@ -13,8 +13,8 @@ import numpy as np
 from zeromethod.atomic_write import atomic_write
 from zeromethod.errors import InputError
 from zeromethod.export.selection import SelectedSteps
-from zeromethod.recording.columns import CONTACT_STATUS
 from zeromethod.recording.recording import Recording
+from zeromethod.rig.model import Rig
 
 COLUMNS = (
     *("time_s", "depth_mm", "depth_sigma_mm", "x_mm", "y_mm", "x_sigma_mm", "y_sigma_mm"),
@@ -56,23 +56,34 @@ def export_track(
     return {"times": len(selected.steps), "peaks": len(peaks.keys() & set(selected.steps.tolist()))}
 
 
-def export_status(
-    recording: Recording, selected: SelectedSteps, path: Path, advance: Callable[[], None]
+def export_rows(
+    recording: Recording,
+    selected: SelectedSteps,
+    path: Path,
+    advance: Callable[[], None],
+    *,
+    table: str,
+    has: Callable[[Rig], bool],
+    without: str,
 ) -> dict[str, Any]:
-    """Write how a texture rubbed, a line for each frame with a contact status, empty where not known."""
-    rows = {int(row["step"]): row for row in recording.tables.contact_status()}
-    if not recording.rig.control.rubbing:
-        what = "recorded without --rubbing, so that it has no contact status"
-        raise InputError(f"--format rubbing: {recording.path}: {what}")
-    names = [name for name in CONTACT_STATUS if name not in ("step", "time_ns")]
+    """Write all rows of one of `LATER`'s tables, empty where a figure is not known.
+
+    has: whether runs of a rig have such rows. without: what it is recorded without if not, in words.
+    """
+    if not has(recording.rig):
+        raise InputError(f"{recording.path}: recorded {without}")
+    rows = recording.tables.later(table)
+    rows = rows[np.isin(rows["step"], selected.steps)]
+    names = [name for name in rows.dtype.names or () if name not in ("step", "time_ns")]
+    time_s = 1e-9 * (rows["time_ns"] - recording.steps["time_ns"][0])
     with atomic_write(path) as part, part.open("w", newline="", encoding="utf-8") as file:
         lines = csv.writer(file, lineterminator="\n")
         lines.writerow(["time_s", *names])
-        for step, time_s in zip(selected.steps, selected.time_s, strict=True):
-            if (row := rows.get(int(step))) is not None:
-                lines.writerow([f"{time_s:.9f}", *(_cell(row[name].item()) for name in names)])
-            advance()
-    return {"frames": len(rows.keys() & set(selected.steps.tolist()))}
+        for row, at_s in zip(rows, time_s, strict=True):
+            lines.writerow([f"{at_s:.9f}", *(_cell(row[name].item()) for name in names)])
+    for _ in selected.steps:
+        advance()
+    return {"rows": len(rows)}
 
 
 def _cell(value: Any) -> str:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from zeromethod.approach import Approach, Watching
+from zeromethod.approach import Approach
 from zeromethod.arrays import Float
 from zeromethod.interactive.pointers import KEPT, PointerEvent
 from zeromethod.operating.advice import ADVICE, FRESH, LATE_S, doubt_of
@@ -170,15 +170,7 @@ class ReplayContent:
 
     def _approach_at(self, step: int) -> Approach | None:
         index = int(np.searchsorted(self._approaches["step"], step, side="right")) - 1
-        if index < 0:
-            return None
-        row = self._approaches[index]
-        known: dict[str, Any] = {
-            name: float(row[name]) for name in row.dtype.names if name.endswith(("_mm", "_s"))
-        }
-        return Approach(
-            watching=Watching(Recording.text(row["watching"])), time_ns=int(row["time_ns"]), **known
-        )
+        return None if index < 0 else Approach.of_row(self._approaches[index])
 
     def _peak_at(self, step: int) -> dict[str, Any]:
         index = int(np.searchsorted(self._peaks["step"], step, side="right")) - 1

@@ -54,7 +54,7 @@ class Tables:
             self._peaks = peak_table(rows if len(start_ns) else rows[:0], start_ns)
         return self._peaks
 
-    def _later(self, name: str) -> Image:
+    def later(self, name: str) -> Image:
         """Rows of one of `LATER`, none where the file has no such table."""
         if f"{name}/table" in self._source.names:
             return self.rows(name)
@@ -62,7 +62,7 @@ class Tables:
 
     def contacts(self) -> Image:
         """Rows of the table of contacts; none where the file has no such table."""
-        rows = self._later("contacts")
+        rows = self.later("contacts")
         whole = np.zeros(len(rows), row_dtype(CONTACTS))
         for name in CONTACTS:
             # files made before there were forces have no such columns
@@ -71,27 +71,27 @@ class Tables:
 
     def contact_images(self) -> Image:
         """Rows of the table of contacts' images; none where the file has no such table."""
-        return self._later("contact_images")
+        return self.later("contact_images")
 
     def fine_peaks(self) -> Image:
         """Rows of the table of fine surfaces' peaks; none where the file has no such table."""
-        return self._later("fine_peaks")
+        return self.later("fine_peaks")
 
     def approaches(self) -> Image:
         """Rows of the table of what comes; none where the file has no such table."""
-        return self._later("approaches")
+        return self.later("approaches")
 
     def contact_status(self) -> Image:
         """Rows of the table of how a texture rubs; none where the file has no such table."""
-        return self._later("contact_status")
+        return self.later("contact_status")
 
     def pointers(self) -> Image:
         """Rows of the table of pointer events; none where the file has no such table."""
-        return self._later("pointers")
+        return self.later("pointers")
 
     def calls(self) -> Image:
         """Rows of the table of calls; none where the file has no such table."""
-        return self._later("calls")
+        return self.later("calls")
 
     def damaged_steps(self, name: str) -> set[int]:
         """Steps whose row of "steps" or "peaks" is left out, as far as it still says which step it is of."""

@@ -31,6 +31,12 @@ class ClothSpec(Table):
     albedo: Share = 0.8
     irregular: Annotated[float, Field(ge=0, le=0.1)] = 0.05
 
+    @model_validator(mode="after")
+    def _touches_more_pressed(self) -> ClothSpec:
+        if self.pressed < self.touching:
+            raise refused("pressed", self.pressed, f"a number from touching, {self.touching:g}, to 0.75")
+        return self
+
 
 class ProjectorSpec(Table):
     """A projector whose picture falls on the cloth.

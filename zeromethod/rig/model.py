@@ -163,6 +163,8 @@ class Rig(Table):
             raise refused("projector.driver", SIMULATED, rule)
         if self.cloth is not None and (self.camera.pupil_mm > 0 or self.prism.teeth is not None):
             raise refused("cloth", {}, "no table with camera.pupil_mm or prism.teeth: not simulated")
+        if self.under_cloth and self.control.lamp:
+            raise refused("control.lamp", True, "false under a cloth, whose threads the projector lights")
         return self
 
     @model_validator(mode="after")

@@ -3,23 +3,46 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
+from typing import Any
 
 from zeromethod.arrays import Bytes
 from zeromethod.devices.opening import Devices
 from zeromethod.devices.projectors import Projector, open_projectors
-from zeromethod.interactive.pointers import PointerEvent, Pointers
+from zeromethod.interactive.pointers import PointerEvent, Pointers, PointerType
 from zeromethod.interactive.screen import PointerScreen
 from zeromethod.loop.state import State
 from zeromethod.loop.step import Step
 from zeromethod.rig.model import ProjectorSpec, Rig
 
-UNKNOWN = frozenset(
-    {State.COVERED, State.LOST, State.MOVED, State.PAUSED, State.FAULT, State.STOPPED, State.STARTING}
-)
+UNKNOWN = frozenset({State.MOVED, State.PAUSED, State.FAULT, State.STOPPED, State.STARTING})
 """States in which nobody knows where fingers are."""
+UNSEEN = frozenset({State.COVERED, State.LOST})
+"""States in which none is seen, as in a frame without light: they may be there still."""
+
+_PLACE = ("x_mm", "y_mm", "sigma_x_mm", "sigma_y_mm", "x_px", "y_px")
+
+
+def pointer_rows(events: Iterable[PointerEvent], start_ns: int) -> list[dict[str, Any]]:
+    """One row per pointer, in the order of their first events: when and where it came, and how it ended.
+
+    Times in s since start_ns, that of the first step; up_s and ended ("pointerup", "pointercancel") are None
+    of a pointer that is still down. moves: events in between. pressure: the greatest.
+    """
+    rows: dict[int, dict[str, Any]] = {}
+    for event in events:
+        at_s = 1e-9 * (event.time_ns - start_ns)
+        first = {name: getattr(event, name) for name in _PLACE}
+        opened = {"id": event.pointer_id, "down_s": at_s} | first | {"moves": 0, "pressure": 0.0}
+        row = rows.setdefault(event.pointer_id, opened | {"up_s": None, "ended": None, "reason": ""})
+        row["moves"] += event.type is PointerType.MOVE
+        row["pressure"] = max(row["pressure"], event.pressure)
+        row |= {f"to_{name}": getattr(event, name) for name in _PLACE}
+        if event.type in (PointerType.UP, PointerType.CANCEL):
+            row |= {"up_s": at_s, "ended": event.type.value, "reason": event.reason}
+    return list(rows.values())
 
 
 class Interaction:
@@ -38,7 +61,7 @@ class Interaction:
             return step
         if step.state in UNKNOWN:
             events = self._pointers.unread(step.time_ns, f"{step.state}: {step.reason}")
-        elif step.surface is None:
+        elif step.surface is None or step.state in UNSEEN:
             events = self._pointers.unread(step.time_ns)
         else:
             events = self._pointers.follow(step.touching, step.time_ns)

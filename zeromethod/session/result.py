@@ -44,8 +44,9 @@ class RunResult:
         Frames that came, frames that the camera dropped, and steps of the loop, with and without a frame.
     events : dict
         How often each event happened.
-    before, pressed, nulled : Step, optional
-        Steps that the figure shows.
+    before, worst, nulled : Step, optional
+        Steps that were read: before the contact, or the first; of the largest residual; the last of the hold,
+        or the deepest where it was not nulled in a hold.
     every_pixel : FineSurface, optional
         The last fine surface of the hold, or of the run where there is no hold.
     interrupted : bool
@@ -78,7 +79,7 @@ class RunResult:
     dropped: int = 0
     events: dict[str, int] = field(default_factory=dict)
     before: Step | None = None
-    pressed: Step | None = None
+    worst: Step | None = None
     nulled: Step | None = None
     every_pixel: FineSurface | None = None
     interrupted: bool = False
@@ -91,6 +92,8 @@ class RunResult:
     exposure: dict[str, Any] | None = None
     _worst_px: float = field(default=0.0, init=False)
     _deepest_mm: float = field(default=0.0, init=False)
+    _held: bool = field(default=False, init=False)
+    _newest: Step | None = field(default=None, init=False)
 
     def add(self, step: StepFigures) -> None:
         """Take in one step.
@@ -111,7 +114,7 @@ class RunResult:
             del self.records[:KEPT_FRAMES]
 
     def keep(self, step: Step, phases: frozenset[str]) -> None:
-        """Keep a step that was read if the figure shows it: before the contact, at its worst, or nulled.
+        """Keep a step that was read if the figure shows it: before the contact, at its worst, or as read.
 
         Parameters
         ----------
@@ -122,19 +125,19 @@ class RunResult:
         """
         assert step.image is not None
         kept = replace(step, image=step.image.copy())
-        settled = step.state in READ
+        self._newest = kept
+        settled, in_hold = step.state in READ, step.phase == "hold"
         if settled and (step.phase == "untouched" if phases else self.before is None):
             self.before = kept
         # After the hold comes the lift, whose residual may be larger still; the figure shows the press.
-        over = "hold" in phases and self.nulled is not None
-        if self.before is not None and not over and step.residual_rms_px > self._worst_px:
+        if self.before is not None and not self._held and step.residual_rms_px > self._worst_px:
             self._worst_px = step.residual_rms_px
-            self.pressed = kept
-        if settled and (
-            step.phase == "hold" if "hold" in phases else abs(step.depth_peak_mm) >= self._deepest_mm
-        ):
-            self._deepest_mm = abs(step.depth_peak_mm)
-            self.nulled = kept
+            self.worst = kept
+        # at rest the deepest is noise: the newest is shown
+        deep_mm = 0.0 if step.state in {State.RESTING, State.APPROACH} else abs(step.depth_peak_mm)
+        if settled and (in_hold or (not self._held and deep_mm >= self._deepest_mm)):
+            self._deepest_mm = deep_mm
+            self._held, self.nulled = in_hold, kept
 
     def keep_fine(self, step: Step, figures: FineFigures, phases: frozenset[str]) -> None:
         """Keep the figures of a step's fine surface, and the surface itself if the figure shows it.
@@ -162,7 +165,14 @@ class RunResult:
         """
         index = bisect_left(self.records, read.number, key=lambda record: record.number)
         if index < len(self.records) and self.records[index].number == read.number:
-            self.records[index] = replace(read, notes=self.records[index].notes)
+            own = self.records[index]  # events are with the step that said them
+            self.records[index] = replace(read, notes=own.notes, pointers=own.pointers)
+
+    @property
+    def shown(self) -> Step | None:
+        """Step whose maps the figure has: `nulled`, but the last one read of a run that ends *nulling*."""
+        ends_unread = not self._held and self.state is State.NULLING
+        return self._newest if ends_unread or self.nulled is None else self.nulled
 
     @property
     def last(self) -> StepFigures | None:

@@ -16,6 +16,7 @@ from zeromethod.loop.state import GOOD, LOCK_FRAMES, LOCK_RESIDUAL_PX, NULLED, R
 from zeromethod.loop.step import StepFigures
 from zeromethod.rig.model import SIMULATED
 from zeromethod.session.contact_figures import contact_rows, force_figures, true_contact_rows
+from zeromethod.session.interaction import pointer_rows
 from zeromethod.session.result import RunResult
 from zeromethod.session.status_figures import status_figures
 from zeromethod.session.watching import approach_rows
@@ -54,15 +55,16 @@ def lock_frames(records: list[StepFigures], phase: str = "hold") -> int | None:
 def not_nulled(records: list[StepFigures]) -> str | None:
     """When a run did not hold the null though it should have, in words; None where it did.
 
-    A scenario's hold must be nulled at some time. Without a scenario, so must the end: the last 5 s, or half
-    of a shorter run (1 s at least), as a loop that began at rest may have been thrown off by the first press.
+    A scenario's hold must be nulled at some time; of a run that ends before, the end. Without a scenario, so
+    must the last 5 s, or half of a shorter run (1 s at least), as a loop that began at rest may have been
+    thrown off by the first press.
     """
     held = [record for record in records if record.phase == "hold"]
     running = [record for record in records if record.state is not State.STOPPED]
     if not any(record.state in _SEES_TARGET for record in held or running):
         return "during the hold" if held else "in the whole run"
     if any(record.phase for record in records):
-        return None
+        return None if held or running[-1].state is not State.NULLING else "when the run ended"
     length_s = running[-1].time_s - running[0].time_s
     tail_s = max(min(_TAIL_S, 0.5 * length_s), _LEAST_TAIL_S)
     tail = {record.state for record in running if record.time_s >= running[-1].time_s - tail_s}
@@ -174,6 +176,7 @@ def summarise(result: RunResult) -> Figures:
     nulled = [record for record in held if record.state in NULLED]
     read = [record for record in held if record.state in READ]
     last, unheld = result.last, not_nulled(records)
+    start_ns = records[0].time_ns - round(1e9 * records[0].time_s) if records else 0
     simulated = result.rig.camera.driver == SIMULATED
     figures = {
         "rig": result.rig.name,
@@ -206,7 +209,10 @@ def summarise(result: RunResult) -> Figures:
         **_depth_figures(result, read),
         "fine": _fine(result),
         "contacts": contact_rows(records),
-        "approaches": approach_rows(records),
+        "approaches": approach_rows(((one.time_ns, one.approach) for one in records), start_ns),
+        "pointers": None
+        if result.rig.projector is None
+        else pointer_rows((event for one in records for event in one.pointers), start_ns),
         "contact_status": status_figures(
             [(one.time_s, one.contact_status) for one in records if one.contact_status is not None]
         ),

@@ -2,32 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 
-from zeromethod.approach import Watch
+from zeromethod.approach import Approach, Watch
 from zeromethod.clock import Clock
 from zeromethod.devices.watch import watch_opener
 from zeromethod.loop.loop import Loop
-from zeromethod.loop.step import Step, StepFigures
+from zeromethod.loop.step import Step
 from zeromethod.rig.model import Rig
 
-_SAID = ("x_mm", "y_mm", "sigma_x_mm", "sigma_y_mm", "diameter_mm", "sigma_diameter_mm", "speed_mm_s")
+_SAID = tuple(
+    f"{of}{name}" for name in ("x_mm", "y_mm", "diameter_mm", "speed_mm_s") for of in ("", "sigma_")
+)
 
 
-def approach_rows(records: Sequence[StepFigures]) -> list[dict[str, float]]:
-    """One row per approach that armed the loop: since when, and what was expected last; s of the run."""
+def approach_rows(seen: Iterable[tuple[int, Approach | None]], start_ns: int) -> list[dict[str, float]]:
+    """One row per approach that armed the loop: since when, and what was expected last; s of the run.
+
+    seen: time of each step, and what its watch camera saw. start_ns: time of the first step.
+    """
     rows: list[dict[str, float]] = []
     armed = False
-    for record in records:
-        before, armed = armed, record.approach is not None and record.approach.armed
-        if not armed or record.approach is None:
+    for time_ns, one in seen:
+        before, armed = armed, one is not None and one.armed
+        if not armed or one is None:
             continue
-        one = record.approach
         if not before:
-            rows.append({"armed_s": record.time_s})
-        seen_s = record.time_s - 1e-9 * (record.time_ns - one.time_ns)
+            rows.append({"armed_s": 1e-9 * (time_ns - start_ns)})
+        seen_s = 1e-9 * (one.time_ns - start_ns)
         rows[-1] |= {"contact_s": seen_s + one.contact_s, "sigma_contact_s": one.sigma_contact_s}
         rows[-1] |= {name: getattr(one, name) for name in _SAID}
     return rows

@@ -31,6 +31,7 @@ from zeromethod.view.axes import (
     pixels_over_mirror,
 )
 from zeromethod.view.contact_picture import draw_contact
+from zeromethod.view.events_figure import draw_approaches, draw_pointers
 from zeromethod.warp.grid import NodeGrid
 
 CROP_PX = (480, 360)
@@ -51,40 +52,53 @@ def plot_run(run: Session | RunResult, path: str | Path | None = None) -> Figure
     -------
     matplotlib.figure.Figure
         Twelve panels; those without data say so. A column more where something touches: its images, and
-        the pressure on the largest contact; and one where every pixel was read.
+        the pressure on the largest contact; one where every pixel was read; and one of what a watch camera
+        saw come, or of what fingers did on an interactive surface.
     """
     result = run.result if isinstance(run, Session) else run
     check_type("plot_run: run", result, RunResult, "a Session, or its result")
     grid = NodeGrid.of_rig(result.rig)
-    nulled = result.nulled
-    touching = [one for one in (nulled.contacts if nulled is not None else ()) if one.image is not None]
+    shown = result.shown
+    touching = [one for one in (shown.contacts if shown is not None else ()) if one.image is not None]
     fine = result.every_pixel
-    columns = 4 + bool(touching) + (fine is not None)
+    outside = result.rig.watch is not None or result.rig.projector is not None
+    columns = 4 + bool(touching) + (fine is not None) + outside
     with picture(path, (4 * columns, 9.5), _title(summarise(result))) as figure:
         axes = figure.subplots(3, columns)
         if touching:
             _draw_images(axes[:, 4], touching)
-            if len(touching) < len(axes) and nulled is not None:
-                _draw_pressure(axes[-1, 4], result, nulled)
+            if len(touching) < len(axes) and shown is not None:
+                _draw_pressure(axes[-1, 4], result, shown)
         if fine is not None:
-            _draw_pixels(axes[:, -1], fine, result)
+            _draw_pixels(axes[:, -1 - outside], fine, result)
+        if outside:
+            _draw_events(axes[:, -1], result)
         _camera_row(axes[0, :3], result, grid)
         _timeline(axes[2, 3], result)
         read_axes = [axes[0, 3], *axes[1, :4], *axes[2, :3]]
-        if nulled is None:
+        if shown is None:
             for axis in read_axes:
-                _say(axis, _why_nothing(result))
+                _say(axis, "no frame was read" if result.records else "no frame came")
         else:
-            _read_maps(read_axes, result, nulled)
+            _read_maps(read_axes, result, shown)
     return figure
 
 
-def _why_nothing(result: RunResult) -> str:
-    """Why no frame was read that the figure could show."""
-    phases = {record.phase for record in result.records if record.phase}
-    if phases and "hold" not in phases:
-        return "the run ended\nbefore the hold"
-    return "never nulled" if result.records else "no frame came"
+def _named(step: Step) -> str:
+    """What a frame is of: part of the scenario, where there is one, and the loop's state."""
+    return f"{step.phase}, {step.state}" if step.phase else str(step.state)
+
+
+def _draw_events(axes: Sequence[Axes], result: RunResult) -> None:
+    """What came before it touched, or what fingers did."""
+    records = result.records
+    start_ns = records[0].time_ns - round(1e9 * records[0].time_s) if records else 0
+    if result.rig.watch is not None:
+        seen = (one.approach for one in records if one.approach is not None)
+        draw_approaches(axes, seen, start_ns)
+    else:
+        end_ns = records[-1].time_ns if records else start_ns
+        draw_pointers(axes, (event for one in records for event in one.pointers), start_ns, end_ns)
 
 
 def _title(figures: dict[str, Any]) -> str:
@@ -111,28 +125,34 @@ def _say(axis: Axes, words: str) -> None:
 
 
 def _camera_row(axes: Image, result: RunResult, grid: NodeGrid) -> None:
-    extent = _crop(result.nulled, grid)
+    extent = _crop(result.shown, grid)
     columns, rows = slice(*extent[:2]), slice(*extent[2:])
-    steps = (result.before, result.pressed, result.nulled)
+    steps = (result.before, result.worst, result.shown)
     parts = [None if one is None or one.image is None else one.image[rows, columns] for one in steps]
     # one scale of grey for all, so that a darker frame looks darker
     white = max((int(part.max()) for part in parts if part is not None), default=1)
-    names = ("before", "pressed", result.rig.control.reads)
-    for axis, name, step, part in zip(axes, names, steps, parts, strict=False):
+    names = ("camera", "largest residual", "read")
+    missing = (
+        "no frame was nulled before a press",
+        "no frame after one that was nulled",
+        "no frame was read",
+    )
+    for axis, name, step, part, words in zip(axes, names, steps, parts, missing, strict=True):
         if step is None or part is None:
-            _say(axis, f"no frame {name}" if result.nulled else _why_nothing(result))
+            _say(axis, words)
             continue
         left, right, top, bottom = extent
         axis.imshow(part, cmap="gray", vmin=0, vmax=white, extent=(left, right, bottom, top))
-        labelled(axis, f"camera, {name} ({step.time_s:.2f} s)", "u, camera px", "v, camera px")
+        title = f"{name}: {_named(step)} ({step.time_s:.2f} s)"
+        labelled(axis, title, "u, camera px", "v, camera px")
 
 
-def _crop(nulled: Step | None, grid: NodeGrid) -> tuple[int, int, int, int]:
+def _crop(read: Step | None, grid: NodeGrid) -> tuple[int, int, int, int]:
     """(first column, last, first row, last) of the camera image round the deepest node."""
     rows, columns = grid.image_shape
     row, column = rows // 2, columns // 2
-    if nulled is not None and nulled.surface is not None and nulled.surface.valid.any():
-        j, i = _deepest_node(nulled.surface)
+    if read is not None and read.surface is not None and read.surface.valid.any():
+        j, i = _deepest_node(read.surface)
         row, column = int(grid.v_px[j]), int(grid.u_px[i])
     width, height = min(CROP_PX[0], columns), min(CROP_PX[1], rows)
     left = min(max(column - width // 2, 0), columns - width)
@@ -156,8 +176,8 @@ def draw_map(
     colour_bar(axis, mesh, unit)
 
 
-def _read_maps(axes: list[Axes], result: RunResult, nulled: Step) -> None:
-    surface, residual, shown, measured = nulled.surface, nulled.residual, nulled.shown, nulled.measured
+def _read_maps(axes: list[Axes], result: RunResult, read: Step) -> None:
+    surface, residual, shown, measured = read.surface, read.residual, read.shown, read.measured
     assert surface is not None
     assert residual is not None
     assert shown is not None
@@ -166,22 +186,20 @@ def _read_maps(axes: list[Axes], result: RunResult, nulled: Step) -> None:
     residual_px = np.linalg.norm(residual.d, axis=-1)
     true_mm = None
     if result.true_mirror is not None:
-        mirror = result.true_mirror(nulled.time_ns)
+        mirror = result.true_mirror(read.time_ns)
         true_mm = mirror.depth(surface.x_mm, surface.y_mm)
-    draw_map(
-        axes[0], surface, residual_px, f"residual when {result.rig.control.reads}", "camera px", signed=False
-    )
+    draw_map(axes[0], surface, residual_px, f"residual: {_named(read)}", "camera px", signed=False)
     draw_map(axes[1], surface, applied_px[..., 0], "applied warp, along LCD columns", "LCD px")
     draw_map(axes[2], surface, measured_px[..., 0], "measured warp, along LCD columns", "LCD px")
     draw_map(axes[3], surface, 1e3 * surface.slope[..., 0], "slope dd/dx", "mrad")
     draw_map(axes[4], surface, 1e3 * surface.slope[..., 1], "slope dd/dy", "mrad")
     draw_map(axes[5], surface, surface.depth_mm, "depth (into the rubber = positive)", "mm")
-    draw_outlines(axes[5], nulled.contacts)
+    draw_outlines(axes[5], read.contacts)
     if true_mm is None:
         draw_map(axes[6], surface, 1e6 * surface.sigma_depth_mm, "depth sigma", "nm", signed=False)
     else:
         draw_map(axes[6], surface, 1e6 * (surface.depth_mm - true_mm), "depth error", "nm")
-    _section(axes[7], surface, result.true_mirror and result.true_mirror(nulled.time_ns))
+    _section(axes[7], surface, result.true_mirror and result.true_mirror(read.time_ns))
 
 
 def _draw_pixels(axes: Sequence[Axes], fine: FineSurface, result: RunResult) -> None:
@@ -234,12 +252,12 @@ def _draw_images(axes: Sequence[Axes], contacts: Sequence[Contact]) -> None:
         draw_contact(axis, contact.image, contact.outline_mm, f"contact {contact.id}")
 
 
-def _draw_pressure(axis: Axes, result: RunResult, nulled: Step) -> None:
+def _draw_pressure(axis: Axes, result: RunResult, read: Step) -> None:
     """How the pressure is spread over the largest contact, or why that is not known."""
-    assert nulled.surface is not None
-    contact = nulled.contacts[0]
+    assert read.surface is not None
+    contact = read.contacts[0]
     try:
-        found = pressure_map(result.rig, nulled.surface, nulled.contacts)
+        found = pressure_map(result.rig, read.surface, read.contacts)
     except InputError as error:
         _say(axis, textwrap.fill(str(error), 40))
         return

@@ -17,6 +17,7 @@ from zeromethod.loop.state import State
 from zeromethod.loop.step import Step
 from zeromethod.operating.lasting import LastingState
 from zeromethod.still_busy import StillBusy
+from zeromethod.view.progress import PlainLines
 
 STATE_COLOURS = {
     State.LOCKED: "#2e9e5b",
@@ -69,7 +70,7 @@ def contact_words(touching: Sequence[ContactFigures]) -> str:
 
 
 class LiveStatus:
-    """Progress bar with state, residual, peak depth and loop time, which only a terminal shows.
+    """Progress bar with state, residual, peak depth and loop time; a line now and then without a terminal.
 
     Notes are printed above it, and where there is no terminal; there, too, that it is starting, if the first
     frame takes long. In the states of `EXPLAINED` it shows the
@@ -78,7 +79,8 @@ class LiveStatus:
 
     def __init__(self, console: Console, total: float | None, unit: str, keys: str = "") -> None:
         """`total` in `unit` ("frames" or "seconds"), None: no end is known. keys: what each does."""
-        self._unit = unit
+        self._unit, self._total = unit, total
+        self._lines = PlainLines(console)
         self._peak_mm: float | None = None
         self._touching = ""
         self._lasting = LastingState()
@@ -128,9 +130,12 @@ class LiveStatus:
             self._figures = step.reason
             if state not in EXPLAINED:
                 self._figures = fitting(self._measured(step, values or {}), self._width_of_figures(state))
+        done = done_frames if self._unit == "frames" else step.time_s
+        of = "" if self._total is None else f" of {self._total:g}"
+        self._lines.say(lambda: f"{round(done, 1):g}{of} {self._unit}: {state}  {self._figures}")
         self._progress.update(
             self._task,
-            completed=done_frames if self._unit == "frames" else step.time_s,
+            completed=done,
             state=f"[{STATE_COLOURS[state]}]{state}[/]",
             figures=escape(self._figures),
         )

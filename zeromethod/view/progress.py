@@ -1,13 +1,31 @@
-"""A progress bar for whatever takes longer than a second; silent when not on a terminal."""
+"""A progress bar for whatever takes longer than a second; a line now and then where there is no terminal."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Protocol
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+EVERY_S = 10.0
+"""Least time between two lines where there is no terminal."""
+
+
+class PlainLines:
+    """Lines that say how far something is where there is no terminal, the first after `EVERY_S`."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._next_s = time.monotonic() + EVERY_S
+
+    def say(self, words: Callable[[], str]) -> None:
+        """Say the words if it is time."""
+        if not self._console.is_terminal and time.monotonic() >= self._next_s:
+            self._console.print(words(), markup=False, highlight=False, soft_wrap=True)
+            self._next_s = time.monotonic() + EVERY_S
 
 
 class Advance(Protocol):
@@ -30,9 +48,11 @@ def progress(total: int, first: str = "") -> Iterator[Advance]:
         disable=not console.is_terminal,
     )
     task = bar.add_task(first, total=total)
+    lines = PlainLines(console)
 
     def advance(following: str = first, /) -> None:
         bar.update(task, advance=1, description=following)
+        lines.say(lambda: f"{following or first}: {bar.tasks[0].completed:.0f} of {total}")
 
     with bar:
         yield advance

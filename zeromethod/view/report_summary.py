@@ -6,12 +6,16 @@ from typing import Any
 
 import numpy as np
 
+from zeromethod.approach import Approach
 from zeromethod.arrays import Float, Image, Mask
+from zeromethod.interactive.pointers import PointerEvent
 from zeromethod.loop.state import GOOD, READ, State
 from zeromethod.recording.recording import Recording
 from zeromethod.recording.schema import STATES
 from zeromethod.rubbing import ContactStatus
+from zeromethod.session.interaction import pointer_rows
 from zeromethod.session.status_figures import status_figures
+from zeromethod.session.watching import approach_rows
 from zeromethod.view.report_history import WITHOUT_READING, episodes, shares
 
 Figures = dict[str, Any]
@@ -57,6 +61,7 @@ def summarise_recording(recording: Recording) -> Figures:
         },
         "contacts": contact_figures(recording),
         "contact_status": status_figures(_status(recording)),
+        **_events(recording),
         "fine": fine_figures(recording),
         "notes": [recording.text(text) for text in recording.notes["text"]],
     }
@@ -82,6 +87,19 @@ def _status(recording: Recording) -> list[tuple[float, ContactStatus]]:
     rows, steps = recording.tables.contact_status(), recording.steps
     start_ns = steps["time_ns"][0] if len(steps) else 0
     return [(1e-9 * float(row["time_ns"] - start_ns), ContactStatus.of_row(row)) for row in rows]
+
+
+def _events(recording: Recording) -> Figures:
+    """What came before it touched, and what fingers did; None where the rig has no such thing."""
+    steps, coming = recording.steps, recording.tables.approaches()
+    start_ns = int(steps["time_ns"][0]) if len(steps) else 0
+    at_ns = dict(zip(steps["number"].tolist(), steps["time_ns"].tolist(), strict=True))
+    seen = ((at_ns.get(int(one["step"]), int(one["time_ns"])), Approach.of_row(one)) for one in coming)
+    fingers = (PointerEvent.of_row(one) for one in recording.tables.pointers())
+    return {
+        "approaches": approach_rows(seen, start_ns),
+        "pointers": None if recording.rig.projector is None else pointer_rows(fingers, start_ns),
+    }
 
 
 def fine_figures(recording: Recording) -> Figures | None:

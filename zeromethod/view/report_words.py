@@ -23,7 +23,7 @@ from zeromethod.surface import Where
 from zeromethod.view import calibration_table
 from zeromethod.view.report_history import Happening, seconds
 from zeromethod.view.report_summary import Figures
-from zeromethod.view.table import LOOP_MS, status_rows
+from zeromethod.view.table import LOOP_MS, approach_words, pointer_words, status_rows
 
 _GROWING_S = 3.0
 """A file that changed more recently than this is still being written."""
@@ -81,6 +81,8 @@ def summary_rows(figures: Figures, rig: Rig) -> Iterator[tuple[str, str]]:
         known = one["force_n"] is not None and math.isfinite(one["force_n"])
         force = f", {one['force_n']:.4f} ± {one['sigma_force_n']:.4f} N" if known else ""
         yield f"contact {one['id']}", f"{area} {place}{force}, {one['from_s']:.2f} to {one['to_s']:.2f} s"
+    yield from approach_words(figures)
+    yield from pointer_words(figures)
     yield from status_rows(figures["contact_status"])
     residual = figures["residual_px_rms"]
     if residual["median"] is not None:

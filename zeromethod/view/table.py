@@ -165,6 +165,39 @@ def status_rows(status: Figures | None) -> list[tuple[str, str]]:
     return [*rows, *((name, f"at {time_s:.2f} s") for time_s, name in status["events"])]
 
 
+def _place(one: Figures, to: str = "") -> str:
+    """Where something is, or `to_` where it went, in mm."""
+    x, y = (f"{one[f'{to}{k}_mm']:.2f} ± {one[f'{to}sigma_{k}_mm']:.2f}" for k in "xy")
+    return f"({x}, {y}) mm"
+
+
+def approach_words(figures: Figures) -> list[tuple[str, str]]:
+    """What came, as rows of a table."""
+    rows = []
+    for one in figures["approaches"]:
+        when = f"touch expected at {one['contact_s']:.3f} ± {one['sigma_contact_s']:.3f} s"
+        how = f"{one['diameter_mm']:.1f} ± {one['sigma_diameter_mm']:.1f} mm wide"
+        fast = f"{one['speed_mm_s']:.1f} ± {one['sigma_speed_mm_s']:.1f} mm/s"
+        rows.append(("approach", f"armed at {one['armed_s']:.2f} s, {when}, {_place(one)}, {how}, {fast}"))
+    return rows
+
+
+def pointer_words(figures: Figures) -> list[tuple[str, str]]:
+    """What fingers did on an interactive surface, as rows of a table; nothing on any other."""
+    if figures["pointers"] is None:
+        return []
+    rows = [] if figures["pointers"] else [("pointer events", "none")]
+    for one in figures["pointers"]:
+        words = f"down at {one['down_s']:.2f} s, {_place(one)}; {one['moves']} moves"
+        if one["ended"] is None:
+            words += f"; still down at {_place(one, 'to_')}"
+        else:
+            why = "up" if not one["reason"] else f"cancelled ({one['reason']})"
+            words += f"; {why} at {one['up_s']:.2f} s, {_place(one, 'to_')}"
+        rows.append((f"pointer {one['id']}", f"{words}; pressure up to {one['pressure']:.2f}"))
+    return rows
+
+
 def summary_table(figures: Figures) -> Table:
     """Table of the figures of a run that were measured; rows without a value are left out."""
     rows: list[tuple[str, str]] = []
@@ -177,10 +210,9 @@ def summary_table(figures: Figures) -> Table:
         values = [_look_up(figures, key) for key in keys]
         words = pattern.format(*values) if None not in values else ""
         if words and not (label == _DEEPEST and words == rows[-1][1]):
-            rows.append((named.get(label, label.replace("the hold", of)), words))
-    for one in figures.get("approaches") or ():
-        when = f"armed at {one['armed_s']:.2f} s, touch expected at {one['contact_s']:.2f} s"
-        rows.append(("approach", f"{when}, ({one['x_mm']:.1f}, {one['y_mm']:.1f}) mm"))
+            rows.append((named.get(label, label).replace("the hold", of), words))
+    rows += approach_words(figures)
+    rows += pointer_words(figures)
     rows += _contact_rows("contact", figures.get("contacts"))
     if figures.get("contacts") and figures["force"]["reason"]:
         rows.append(("force", f"not read: {figures['force']['reason']}"))
