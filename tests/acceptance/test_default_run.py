@@ -45,10 +45,10 @@ def test_the_default_run_meets_its_bars(result):
 
 
 def test_a_run_leaves_the_pictures_of_before_pressed_and_nulled(result):
-    assert result.before.time_s < result.pressed.time_s < result.nulled.time_s
+    assert result.before.time_s < result.worst.time_s < result.nulled.time_s
     before, pressed, nulled = (
         float(np.sqrt(np.nanmean(np.sum(one.residual.d[one.surface.valid] ** 2, axis=-1))))
-        for one in (result.before, result.pressed, result.nulled)
+        for one in (result.before, result.worst, result.nulled)
     )
     assert max(before, nulled) < LOCK_RESIDUAL_PX < pressed
     # the worst frame until the hold is over

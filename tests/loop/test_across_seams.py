@@ -6,7 +6,8 @@ from surface_bench import Bench, Gauss
 
 from benchmarks.dents import Planted, straight
 from zeromethod import load_rig
-from zeromethod.loop.across_seams import bridged, settle
+from zeromethod.loop.across_seams import at_seams, bridged, settle
+from zeromethod.optics import Dented
 from zeromethod.sensing.residual import Residual
 from zeromethod.warp.rest import Rest
 from zeromethod.warp.validity import Flag
@@ -95,3 +96,24 @@ def test_a_seam_with_a_misread_side_joins_nothing(thin):
     assert joined[second].any()
     assert not again[second].any()
     assert again[seam & ~second].any()
+
+
+def test_nodes_whose_window_sees_a_seam_where_a_press_has_moved_it_are_its_own(thin):
+    bench, rest = thin
+    dent, row = Gauss(0.2, 42.0, 0.0, 5.0), bench.grid.shape[0] // 2
+    # pixel by pixel through the dent's middle: where light is lost, or the picture jumps
+    u_px = rest.grid.u_px
+    u = np.arange(u_px[3], u_px[-4] + 1)
+    v, mirror = np.full(len(u), rest.grid.v_px[row]), Dented(bench.optics.rest, dent)
+    bends = np.diff(bench.optics.trace(u, v, mirror).q[:, 0], n=2)
+    jumps = u[1:-1][~(np.abs(bends) < 0.5)]
+    # further out a seam takes a twentieth of the window's weight at most
+    reach_px = 2 / 3 * rest.grid.period_px
+    sees = (np.abs(u_px[:, None] - jumps) < reach_px).any(axis=1) & rest.grid.measurable[row]
+    q = bench.warp(dent).q
+    found = at_seams(np.where(np.isfinite(q), q, rest.q), rest)[row]
+    at_rest = rest.flags[row] & np.uint16(Flag.SEAM) != 0
+    assert (sees & ~at_rest).any()
+    assert not (sees & ~found).any()
+    # seams at rest stay, and a node on either side of five of them may be too many
+    assert np.count_nonzero(found & ~sees & ~at_rest) <= 2 * 5

@@ -144,14 +144,26 @@ def _off_expected(away: Float, valid: Mask, parts: Ints) -> tuple[Ints, Mask]:
     return most, 2 * votes.max(axis=1) > np.maximum(size, _LEAST_ROWS)
 
 
+def at_seams(q: Float, rest: Rest) -> Mask:
+    """Nodes (rows, cols) whose window touches a saw's seam, at rest or where the mirror slopes now.
+
+    q: (rows, cols, 2) LCD px where nodes look, finite everywhere.
+    """
+    seam: Mask = rest.flags & np.uint16(Flag.SEAM) != 0
+    if rest.seams is not None:
+        inner = rest.grid.inner
+        seam[inner] |= rest.seams.moved((q - rest.q)[inner])
+    return seam
+
+
 def settle(
     residual: Residual, shown_q: Float, expected_px: Float, rest: Rest, blind: Mask | None = None
 ) -> None:
     """Bring `residual.d`, in place, to one order over all seams.
 
     In a mirror that rests that of what was expected, (rows, cols, 2) camera px, NaN for nothing. Else what
-    rows say, on the side by whose order most nodes are near the null. blind: (rows, cols) nodes that may see
-    the fringes of a burst, which say nothing and cut teeth in pieces; None for none.
+    rows say, on the side by whose order most nodes are near the null. blind: (rows, cols) nodes that see a
+    seam, or may see the fringes of a burst, which say nothing and cut teeth in pieces; None for none.
     """
     if rest.seams is None:
         return

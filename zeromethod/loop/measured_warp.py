@@ -18,7 +18,7 @@ import numpy as np
 from zeromethod.arrays import Flags, Float, Mask
 from zeromethod.exposure.pairing import Observation
 from zeromethod.exposure.unmixing import at_full_contrast, unmix
-from zeromethod.loop.across_seams import bridged, settle
+from zeromethod.loop.across_seams import at_seams, bridged, settle
 from zeromethod.loop.light_hold import LightHold
 from zeromethod.loop.panel_blur import PanelBlur
 from zeromethod.sensing.residual import Residual
@@ -198,7 +198,8 @@ def measure_warp(
     """
     grid = rest.grid
     shown = observation.shown
-    settle(residual, shown.q, known.residual_px, rest, blind)
+    seam = at_seams(known.q, rest)
+    settle(residual, shown.q, known.residual_px, rest, seam if blind is None else seam | blind)
     q = compose(shown.q, residual.d, grid.spacing_px)
     if blur is not None:
         blur.add_hidden(shown.q, q)
@@ -206,7 +207,7 @@ def measure_warp(
     _blank(q, flags)
     size, spacing_px = rest.display_size, grid.spacing_px
     flags |= warp_flags(q, rest.q, grid.period_px, size, spacing_px=spacing_px, rest_areas=rest.areas)
-    flags[rest.flags & _SEAM != 0] = _SEAM
+    flags[seam] = _SEAM
     if observation.mixture is not None:
         flags[observation.mixture.mixed] |= _MIXED
     sigma_px = residual.sigma if hold is None else hold.flag(flags, residual.sigma)

@@ -17,6 +17,9 @@ from zeromethod.warp.grid import NodeGrid
 _SLACK_PX = 2.0
 """By how much seams may be off where the rig file has them: 0.05 mm of rubber make 1.8 px."""
 _FAR_PX = 1e9
+_LET_IN_PX = 6.0
+"""How much further a seam that moved may come into the window: about a twentieth of its weight, and noise
+at rest moves none."""
 
 
 class SeamMap:
@@ -42,10 +45,12 @@ class SeamMap:
         self._reach_px = grid.period_px + _SLACK_PX
         at_rest = optics.trace(u, v, optics.rest)
         self.x_mm = at_rest.point[..., 0]
+        step_mm = np.gradient(self.x_mm, axis=1)
+        self._step_mm = np.nan_to_num(step_mm)
         # by how much a seam of the faces towards the LCD moves to where u grows, per rad, at a valley and at
         # a tip: a slope turns the ray by twice as much, and it leaves the further off the longer it stays in
         # the rubber
-        per_px = float(np.nanmedian(np.gradient(self.x_mm, axis=1))) / grid.spacing_px
+        per_px = float(np.nanmedian(step_mm)) / grid.spacing_px
         per_mm = 2.0 / (float(np.nanmedian(at_rest.cos_incidence)) ** 2 * per_px)
         spec = optics.rig.prism.teeth
         assert spec is not None
@@ -62,13 +67,27 @@ class SeamMap:
         """Those of a rig; None of a prism."""
         return None if optics.rig.prism.teeth is None else cls(optics, grid)
 
-    def touched(self, slope_x: Float, depth_mm: Float | float = 0.0) -> Mask:
-        """Nodes (rows, cols) whose window touches a seam of a mirror that slopes so along x, rad, so deep."""
+    def touched(self, slope_x: Float, depth_mm: Float | float = 0.0, less_px: float = 0.0) -> Mask:
+        """Nodes (rows, cols) whose window touches a seam of a mirror that slopes so along x, rad, so deep.
+
+        less_px: by how much less than the window reaches, and what seams may be off.
+        """
         valley, tip = (per_rad * slope_x + self._deeper_px * depth_mm for per_rad in self._moves_px)
         after_px = self._after_px + np.minimum(valley, tip)
         before_px = self._before_px - np.maximum(valley, tip)
         nearest = np.minimum(self._entry_px, np.minimum(before_px, after_px))
-        return np.asarray(nearest < self._reach_px)
+        return np.asarray(nearest < self._reach_px - less_px)
+
+    def moved(self, away: Float) -> Mask:
+        """Nodes (rows, cols) that see a seam well inside their window, by where they look from rest.
+
+        away: (rows, cols, 2) LCD px. The mirror is taken to be as deep as its slopes add up to along rows, 0
+        on average at their ends.
+        """
+        slope_x = np.einsum("...k,...k->...", self.slope_per_px[..., 0, :], away)
+        depth_mm = np.cumsum(slope_x * self._step_mm, axis=1)
+        depth_mm -= depth_mm[:, [0, -1]].mean(axis=1, keepdims=True)
+        return self.touched(slope_x, depth_mm, _LET_IN_PX)
 
 
 def _distances(marked: Mask) -> tuple[Float, Float]:
