@@ -21,7 +21,6 @@ import numpy as np
 
 from benchmarks.report import Figure, Report, benchmark, start
 from zeromethod.arrays import Float
-from zeromethod.light_array.devices import Counts, Readings
 from zeromethod.light_array.loop import LightLoop
 from zeromethod.light_array.recording import PlayedArrays
 from zeromethod.light_array.rig import LightArrayRig, load_light_array
@@ -115,46 +114,24 @@ def compare(loop: LightLoop, arrays: SimulatedArrays, step: Any, out: Run) -> No
         out.nodes_beyond += int(np.sum(np.abs(surface.depth_mm - there) > SIGMAS * surface.sigma_depth_mm))
 
 
-class _Tape:
-    """Arrays whose readings and levels are kept, to run the loop on them again."""
-
-    live, refused = False, 0
-
-    def __init__(self, arrays: SimulatedArrays) -> None:
-        self._arrays = arrays
-        self.readings: list[Readings] = []
-
-    def send(self, number: int, levels: Counts) -> None:
-        self._arrays.send(number, levels)
-
-    def receive(self, timeout_s: float) -> Readings | None:
-        got = self._arrays.receive(timeout_s)
-        if got is not None:
-            self.readings.append(got)
-        return got
-
-    def reopen(self) -> bool:
-        return True
-
-    def close(self) -> None:
-        pass
-
-
 def computing_hz() -> float:
     """Frames a second of one core, by processor time, of a press that comes and is read; median of three."""
     rig = packaged()
     arrays = SimulatedArrays(rig)
     arrays.scenario = pressed([(*WATCH, 6.0, 0.2)])
-    tape = _Tape(arrays)
-    for _ in LightLoop(rig, tape).run(frames=1000):
+    rows: list[tuple[Any, ...]] = []
+
+    def record(name: str, *row: Any) -> None:
+        if name == "readings":
+            rows.append(row)
+
+    for _ in LightLoop(rig, arrays, record).run(frames=1000):
         pass
     kind = [("number", "<u8"), ("shown", "<u8"), ("time_ns", "<i8"), ("counts", "<u2", 256)]
-    rows = np.array([(r.number, r.shown, r.time_ns, r.counts) for r in tape.readings], kind)
+    readings = np.array(rows, kind)
     rates = []
     for _ in range(3):
-        steps = LightLoop(rig, PlayedArrays(rows, {"number": np.zeros(0, int), "levels": []})).run(
-            frames=1000
-        )
+        steps = LightLoop(rig, PlayedArrays(readings)).run(frames=1000)
         next(steps)
         began = time.process_time()
         frames = sum(1 for _ in steps)

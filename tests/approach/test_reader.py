@@ -7,7 +7,7 @@ from watched import APPEARS_S, RIG, coming, watched
 from zeromethod.approach import Watching, WatchReader
 from zeromethod.approach.body import Body
 from zeromethod.approach.spot import Spot, spot_of
-from zeromethod.approach.track import UNEVEN, Track, _radius
+from zeromethod.approach.track import CUT_SHARE, UNEVEN, Track, _radius
 from zeromethod.clock import SimulatedClock
 from zeromethod.errors import InputError
 from zeromethod.rig.load import load_rig
@@ -183,11 +183,40 @@ def test_what_comes_and_is_seen_no_more_is_expected_for_half_a_second():
     assert not any(armed[47:])
 
 
+def test_what_both_lenses_still_see_is_expected_until_its_touch_though_no_body_fits():
+    def spot(z_mm):
+        one = Body(np.array([70.0, 0.0, z_mm]), np.full(3, 0.02), 5.0, 0.02, 5.0, 1.0, 0.01, 100, np.zeros(6))
+        return Spot(one, one, cut=False)
+
+    track = Track(0, spot(40.0))
+    for k in range(1, 12):
+        track.add(round(1e9 * k / 30), spot(40.0 - 0.5 * k))
+    last = track.approach()
+    assert track.kept_s(still_seen=True) > last.contact_s > 1.0 > track.kept_s(still_seen=False)
+    # meanwhile its time to contact runs on: a second later there is a second less
+    later = track.missed(last.time_ns + 10**9)
+    assert later.armed
+    assert later.contact_s == pytest.approx(last.contact_s - 1.0)
+    assert later.height_mm == pytest.approx(last.height_mm - last.speed_mm_s)
+    assert later.sigma_height_mm > last.sigma_height_mm
+
+
 def test_one_wrong_size_among_many_does_not_keep_the_loop_from_arming():
     bodies = [
         Body(np.zeros(3), np.full(3, 0.1), radius, 0.1, 5.0, 1.0, 0.0, 100, np.zeros(6))
         for radius in (14.0, *[5.0] * 19)
     ]
     # in few of them it may be a shadow's, whose size jumps about
-    assert _radius(bodies[:8])[2] > UNEVEN
-    assert _radius(bodies)[2] < UNEVEN
+    assert _radius(bodies[:8], np.zeros(8))[2] > UNEVEN
+    assert _radius(bodies, np.zeros(20))[2] < UNEVEN
+
+
+def test_a_wrong_size_while_a_view_cuts_it_does_not_keep_a_fast_ball_from_arming():
+    # of two bodies that the border cut the radius was 20 % off, and a fast one is not seen much longer
+    radii = [10.85, 14.28, 11.86, *[14.28] * 9]
+    bodies = [Body(np.zeros(3), np.full(3, 0.1), one, 0.1, one, 1.0, 0.0, 100, np.zeros(6)) for one in radii]
+    cut = np.where(np.arange(12) < 4, CUT_SHARE * 14.0, 0.0)
+    assert _radius(bodies, np.zeros(12))[2] > UNEVEN
+    radius, sigma, uneven = _radius(bodies, cut)
+    assert uneven < UNEVEN
+    assert radius == pytest.approx(14.28, abs=3 * sigma)

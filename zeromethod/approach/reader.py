@@ -68,7 +68,7 @@ class WatchReader:
         pairs = [(left, right) for left, right in product(*found) if left.darker == right.darker]
         apart = [pair for pair in pairs if not self._over_seam(*pair)]
         spots = [spot_of(self.exits, pair, known) for pair in apart]
-        approach = self._follow([spot for spot in spots if spot is not None], time_ns)
+        approach = self._follow([spot for spot in spots if spot is not None], time_ns, still_seen=bool(apart))
         if approach.watching is Watching.CLEAR and any(found):
             approach = replace(
                 approach, watching=Watching.SEEN, reason=ONE_PICTURE if len(apart) < len(pairs) else ""
@@ -90,10 +90,10 @@ class WatchReader:
         inwards *= min(self._track.reach_mm / max(float(np.hypot(*inwards)), 1e-9), 1.0)
         return not self._mirror.on_mirror(*(place + inwards))
 
-    def _follow(self, spots: list[Spot], time_ns: int) -> Approach:
+    def _follow(self, spots: list[Spot], time_ns: int, *, still_seen: bool) -> Approach:
         track = self._track
         missed_ns = 0 if track is None else time_ns - track.time_ns
-        if track is not None and missed_ns < 1e9 * track.kept_s:
+        if track is not None and missed_ns < 1e9 * track.kept_s(still_seen=still_seen):
             own = [spot for spot in spots if track.fits(time_ns, spot)]
             if own:
                 track.add(
@@ -101,8 +101,7 @@ class WatchReader:
                 )
                 return track.approach()
             if not spots or missed_ns < 1e9 * MISSED_S:
-                track.miss()
-                return track.approach()
+                return track.missed(time_ns)
         self._track = None
         if not spots:
             return Approach(watching=Watching.CLEAR, time_ns=time_ns)

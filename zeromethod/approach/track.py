@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -39,7 +39,7 @@ UNEVEN, EVEN_SHARE = 1.0, 0.9
 """How far radii lie from their median, over the larger of sigma and a tenth, from which nothing comes; the
 share of them that must be nearer: one wrong radius of eight is too many, of a dozen is not."""
 CUT_SHARE = 0.3
-"""Standard deviation of the middle of what a view cuts, over its reach."""
+"""Standard deviation of middle and radius of what a view cuts, over its reach."""
 COMMON, MOST_FAVOUR = 3.0, 2.0
 """Pixels that err together when a flat body is told from a round one; most that one frame says of it."""
 ROUGH = 0.1
@@ -63,6 +63,7 @@ class Track:
     def __init__(self, now_ns: int, spot: Spot) -> None:
         self._start_ns, self._run = now_ns, 0
         self._whole = self._armed = False
+        self._contact_s = 0.0
         self._seen: deque[tuple[float, Spot]] = deque(maxlen=64)
         self.add(now_ns, spot)
 
@@ -93,17 +94,25 @@ class Track:
         self._whole |= not spot.cut
         self._seen.append((1e-9 * (now_ns - self._start_ns), spot))
 
-    @property
-    def kept_s(self) -> float:
-        """How long it goes on without a spot."""
-        return WINDOWS_S[0] if self._armed else MISSED_S
+    def kept_s(self, *, still_seen: bool) -> float:
+        """How long it goes on without a spot: until its touch where both lenses still see something."""
+        if not self._armed:
+            return MISSED_S
+        return max(self._contact_s + KEPT_S, WINDOWS_S[0]) if still_seen else WINDOWS_S[0]
 
-    def miss(self) -> None:
-        """A frame without a spot."""
+    def missed(self, now_ns: int) -> Approach:
+        """What is known of it in a frame without a spot: the last, carried on by its velocity."""
         self._run = 0
+        last = self.approach()
+        gone_s = 1e-9 * (now_ns - self.time_ns)
+        return replace(
+            last, time_ns=now_ns, contact_s=last.contact_s - gone_s,
+            height_mm=last.height_mm - gone_s * last.speed_mm_s,
+            sigma_height_mm=float(np.hypot(last.sigma_height_mm, gone_s * last.sigma_speed_mm_s)),
+        )  # fmt: skip
 
-    def _fitting(self, bodies: list[Body]) -> tuple[list[Body], _Line]:
-        """Bodies of one kind that explain the light, and the longest straight line of them.
+    def _fitting(self, bodies: list[Body]) -> tuple[_Line, Float]:
+        """The longest straight line of bodies of one kind that explain the light; `_radius` of these bodies.
 
         Of a flat and a round body the wrong one may not fit at all.
         """
@@ -114,8 +123,9 @@ class Track:
         places = np.array([one.place for one in bodies])
         floor = FLOOR_MM + FLOOR_SHARE * np.abs(places[:, 2:])
         sigmas = np.hypot(floor, [one.sigma_mm * np.sqrt(max(one.misfit, 1.0)) for one in bodies])
-        for (_, spot), sigma in zip([self._seen[one] for one in kept], sigmas, strict=True):
-            sigma[:2] += CUT_SHARE * spot.flat.reach_mm if spot.cut else 0.0
+        spots = [self._seen[k][1] for k in kept]
+        by_cut = np.array([CUT_SHARE * one.flat.reach_mm if one.cut else 0.0 for one in spots])
+        sigmas[:, :2] += by_cut[:, None]
         for window_s in WINDOWS_S:
             recent = since > -window_s
             recent[-LEAST_SPOTS:] = True
@@ -132,7 +142,7 @@ class Track:
             if scatter[2] < STRAIGHT:
                 break
         found = _Line(line[0], line[1], sigma[0], sigma[1], float(scatter[2] * sigmas[-1, 2]))
-        return bodies, found
+        return found, _radius(bodies, by_cut)
 
     def approach(self) -> Approach:
         """What is known of it."""
@@ -142,7 +152,7 @@ class Track:
         kinds = [spot.flat for _, spot in self._seen], [spot.round_ for _, spot in self._seen]
         share = 1.0 / (1.0 + np.exp(-np.clip(sum(map(_favour, *kinds)), -50.0, 50.0)))
         shares = np.array([1.0 - share, share])
-        (flats, flat), (rounds, round_) = (self._fitting(bodies) for bodies in kinds)
+        (flat, flat_size), (round_, round_size) = (self._fitting(bodies) for bodies in kinds)
         place = shares @ [flat.place, round_.place]
         velocity = shares @ [flat.velocity, round_.velocity]
         sigma_place = np.sqrt(shares @ [flat.sigma_place**2, round_.sigma_place**2])
@@ -152,7 +162,7 @@ class Track:
         doubt = float(np.hypot(np.sqrt(shares[0] * shares[1]), rough)) * abs(flat.place[2] - round_.place[2])
         height, speed, sigma_speed = place[2], -velocity[2], sigma_velocity[2]
         sigma_height = float(np.hypot(sigma_place[2], doubt))
-        radius, sigma_radius, uneven = shares @ [_radius(bodies) for bodies in (flats, rounds)]
+        radius, sigma_radius, uneven = shares @ [flat_size, round_size]
         figures = {
             "height_mm": height, "sigma_height_mm": sigma_height,
             "speed_mm_s": speed, "sigma_speed_mm_s": sigma_speed,
@@ -174,6 +184,7 @@ class Track:
             soon = (-KEPT_S if self._armed else 0.0) < contact < SOON_S
             if soon and (self._armed or self._run >= least):
                 state = Watching.COMING
+            self._contact_s = contact
         self._armed = state is Watching.COMING
         plain: dict[str, Any] = {name: float(value) for name, value in figures.items()}
         return Approach(watching=state, time_ns=self.time_ns, **plain)
@@ -186,11 +197,15 @@ def _favour(flat: Body, round_: Body) -> float:
     return float(np.clip(found, -MOST_FAVOUR, MOST_FAVOUR))
 
 
-def _radius(bodies: list[Body]) -> tuple[float, float, float]:
-    """Radius and its sigma, mm, of the last second, and how far most lie from the median."""
+def _radius(bodies: list[Body], by_cut: Float) -> Float:
+    """(3,) radius and its sigma, mm, of the last second, and how far most lie from the median.
+
+    by_cut: (n,) what the radius of a body may be off because its view cuts it, mm.
+    """
     radii = np.array([one.radius_mm for one in bodies[-30:]])
-    sigmas = np.hypot([one.sigma_radius_mm * np.sqrt(max(one.misfit, 1.0)) for one in bodies[-30:]], SIZE_MM)
+    noises = [one.sigma_radius_mm * np.sqrt(max(one.misfit, 1.0)) for one in bodies[-30:]]
+    sigmas = np.hypot(np.hypot(noises, SIZE_MM), by_cut[-30:])
     mean = float(np.average(radii, weights=sigmas**-2))
     middle = float(np.median(radii))
     scatter = np.quantile(np.abs(radii - middle) / np.hypot(sigmas, 0.1 * middle), EVEN_SHARE)
-    return mean, float(np.hypot((sigmas**-2).sum() ** -0.5, SIZE_MM + SIZE_SHARE * mean)), float(scatter)
+    return np.array([mean, np.hypot((sigmas**-2).sum() ** -0.5, SIZE_MM + SIZE_SHARE * mean), scatter])

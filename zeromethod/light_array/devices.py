@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +19,7 @@ FULL_SCALE = 65535
 class Readings:
     """One reading of every detector.
 
-    number: of the reading, one more for each that the arrays took. shown: number of the levels that were lit.
+    number: counts the readings that the arrays took. shown: number of the levels that were lit meanwhile.
     time_ns: middle of the reading, by the arrays' clock.
     """
 
@@ -34,35 +33,41 @@ class ArraysLost(Exception):
     """The link to the arrays broke; they may be opened again."""
 
 
-class LightArrays(Protocol):
-    """Arrays, real or simulated."""
-
-    live: bool
+class LightArrays:
+    """Arrays, real or simulated. What is defined here is right for arrays that cannot be lost."""
 
     @property
     def refused(self) -> int:
-        """Frames that came broken so far."""
+        """How many frames arrived damaged so far; they were dropped."""
+        return 0
 
     def send(self, number: int, levels: Counts) -> None:
-        """Have levels lit, as soon as may be. Raises ArraysLost."""
+        """Have levels lit as soon as possible. Raises ArraysLost."""
+        raise NotImplementedError
 
     def receive(self, timeout_s: float) -> Readings | None:
         """Return the next readings, None where none came in time. Raises ArraysLost."""
+        raise NotImplementedError
 
     def reopen(self) -> bool:
-        """Try once to open what was lost."""
+        """Try once to open lost arrays again; whether they are open."""
+        return True
 
     def close(self) -> None:
-        """Let go of the arrays; the LEDs keep their levels."""
+        """Close the link; the LEDs keep their levels."""
+
+    def phase_at(self, time_ns: int) -> str:  # noqa: ARG002 - only simulated arrays know it
+        """Part of a simulated scenario at a time of the arrays' clock, "" where unknown."""
+        return ""
 
 
 def open_arrays(rig: LightArrayRig) -> LightArrays:
     """Arrays that a rig names. Raises InputError, one line, for an address that cannot be opened."""
     address = rig.arrays.address
     if address == "simulated":
-        from zeromethod.light_array.simulated import SimulatedArrays  # noqa: PLC0415 - as below
+        from zeromethod.light_array.simulated import SimulatedArrays  # noqa: PLC0415 - only one of both is needed
 
         return SimulatedArrays(rig)
-    from zeromethod.light_array.link import LinkedArrays  # noqa: PLC0415 - simulated ones need none
+    from zeromethod.light_array.link import LinkedArrays  # noqa: PLC0415
 
     return LinkedArrays(address)

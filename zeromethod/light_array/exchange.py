@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import time
 from collections import Counter, deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 from zeromethod.light_array.devices import ArraysLost, Counts, LightArrays, Readings
 from zeromethod.loop.state import State
@@ -16,6 +17,13 @@ _RESTARTED = 20
 """Readings in a row whose numbers are not above the last, by which the arrays have started again."""
 
 _TIMEOUT_S, _RETRY_S = 0.1, 0.2
+
+Record = Callable[..., None]
+"""Takes rows for a recording: the name of its table ("readings", "levels", "depth"), then the columns."""
+
+
+def no_record(*_row: Any) -> None:
+    """Record nothing."""
 
 
 class GivenUp(Exception):
@@ -30,8 +38,8 @@ class Exchange:
     next step.
     """
 
-    def __init__(self, arrays: LightArrays, reopen_s: float) -> None:
-        self.arrays = arrays
+    def __init__(self, arrays: LightArrays, reopen_s: float, record: Record) -> None:
+        self.arrays, self.record = arrays, record
         self.counts: Counter[str] = Counter()
         self.trouble: tuple[State, str] | None = None
         self.last: Readings | None = None
@@ -55,6 +63,7 @@ class Exchange:
         """Send levels. Raises GivenUp where the arrays are lost and cannot be opened again."""
         self._number += 1
         self._sent.append((self._number, levels))
+        self.record("levels", self._number, levels)
         try:
             self.arrays.send(self._number, levels)
         except ArraysLost as error:
@@ -98,6 +107,7 @@ class Exchange:
         if got is None:
             self._silent()
             return None
+        self.record("readings", got.number, got.shown, got.time_ns, got.counts)
         self._silent_s, self.trouble = 0.0, None
         last = self.last
         if last is not None and got.number <= last.number:

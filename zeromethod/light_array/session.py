@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 
 from zeromethod.arrays import Float
-from zeromethod.light_array.devices import Counts, LightArrays, open_arrays
+from zeromethod.light_array.devices import open_arrays
+from zeromethod.light_array.exchange import no_record
 from zeromethod.light_array.loop import READ_EVERY, LightLoop, LightStep
 from zeromethod.light_array.rig import LightArrayRig
 from zeromethod.light_array.simulated import SimulatedArrays
@@ -18,12 +20,12 @@ from zeromethod.loop.state import State
 from zeromethod.loop.step import Step
 from zeromethod.publishing.publisher import Publisher
 
-COMPARED = frozenset({"hold", "slide"})
+_COMPARED_PHASES = frozenset({"hold", "slide"})
 _COMPARE_EVERY = 20
-"""Readings of depth to one that is compared with the truth of a simulated bench."""
+"""Of so many readings of depth, one is compared with the truth of a simulated bench."""
 
 _KEPT = 200_000
-"""Readings of depth that the figures keep."""
+"""Newest readings of depth, or frames, that the figures are of."""
 
 
 class ArraysClock:
@@ -37,49 +39,44 @@ class ArraysClock:
         return self.time_ns
 
     def sleep_until_ns(self, time_ns: int) -> None:
-        """Nothing: this clock goes with the readings alone."""
+        """Nothing: only readings move this clock."""
 
 
 class LightSession:
-    """Iterate `run` for its steps, then close. history: s, peak, sigma (mm), residual of readings of depth.
+    """Iterate `run` for its steps, then close.
 
-    pressed: levels, modes and step where the peak was greatest.
+    history: time in s, peak and its sigma in mm, of readings of depth. pressed: the step with the greatest
+    peak, where one was read.
     """
 
     def __init__(self, rig: LightArrayRig, publish: str | None = None, record: Path | None = None) -> None:
-        self.rig = rig
+        self.rig, self.clock, recorded = rig, ArraysClock(), no_record
         with ExitStack() as stack:
-            arrays: LightArrays = open_arrays(rig)
-            stack.callback(self._close)
-            self._arrays = arrays
+            arrays = stack.enter_context(closing(open_arrays(rig)))
             self._truth = arrays if isinstance(arrays, SimulatedArrays) else None
-            self.recording = None
             if record is not None:
-                from zeromethod.light_array.recording import RecordedArrays  # noqa: PLC0415 - h5py loads slowly
+                from zeromethod.light_array.recording import Recorder  # noqa: PLC0415 - h5py loads slowly
 
-                self.recording = self._arrays = RecordedArrays(arrays, record, rig)
-            self.clock = ArraysClock()
+                recorded = stack.enter_context(closing(Recorder(record, rig))).add
             self._publisher = None if publish is None else stack.enter_context(Publisher(publish, self.clock))
-            self.loop = LightLoop(rig, self._arrays)
+            self.loop = LightLoop(rig, arrays, recorded)
             self._closing = stack.pop_all()
         self.address = "" if self._publisher is None else self._publisher.address
         self.interrupted = False
         self.last: LightStep | None = None
-        self.history: list[tuple[float, float, float, float]] = []
-        self.pressed: tuple[Counts, Float, LightStep] | None = None
-        self._loop_ms: list[float] = []
+        self.pressed: LightStep | None = None
+        self.history: deque[tuple[float, float, float]] = deque(maxlen=_KEPT)
+        self._frames = self._readings = 0
+        self._loop_ms: deque[float] = deque(maxlen=_KEPT)
+        self._untouched: deque[Float] = deque(maxlen=_KEPT)
+        self._pressed_residuals: list[float] = []
         self._errors: list[tuple[float, float, float]] = []
-        self._untouched: list[Float] = []
-        self._hold_residual: list[float] = []
-
-    def _close(self) -> None:
-        self._arrays.close()
 
     def __enter__(self) -> LightSession:
         return self
 
     def __exit__(self, *exception: object) -> None:
-        self._closing.__exit__(None, None, None)
+        self._closing.close()
 
     def interrupt(self) -> None:
         """End the run in order, from a signal handler."""
@@ -87,7 +84,7 @@ class LightSession:
         self.loop.stop()
 
     def seconds(self, frames: int | None, seconds: float | None) -> float | None:
-        """How long the run lasts: as asked, as the scenario; None: until it is stopped."""
+        """How long the run lasts: as asked, or as its scenario; None: until it is stopped."""
         if frames is None and seconds is None and self._truth is not None:
             return self._truth.scenario.duration_s + self.rig.simulation.begin_s
         return seconds
@@ -97,42 +94,34 @@ class LightSession:
         for step in self.loop.run(frames, self.seconds(frames, seconds)):
             self.last = step
             self.clock.time_ns = step.time_ns
-            if np.isfinite(step.loop_ms):
+            if step.sensed:
+                self._frames += 1
                 self._loop_ms.append(step.loop_ms)
-            if step.modes is not None:
-                self._keep(step)
-            if self.recording is not None:
-                self.recording.add(step)
+            self._keep(step)
             if self._publisher is not None and (step.surface is not None or step.counts is None):
                 # a step of arrays has all that a message takes of a camera's
                 self._publisher.publish(cast("Step", step))
             yield step
 
     def _keep(self, step: LightStep) -> None:
-        assert step.peak is not None
-        assert step.modes is not None
-        if len(self.history) < _KEPT:
-            self.history.append((step.time_s, step.peak.depth_mm, step.peak.sigma_mm, step.light_residual))
-        if self.pressed is None or abs(step.peak.depth_mm) >= abs(self.pressed[2].depth_peak_mm):
-            assert step.shown is not None
-            self.pressed = (step.shown, step.modes, step)
-        if step.phase == "untouched" and len(self._untouched) < _KEPT:
-            self._untouched.append(step.modes)
-        if step.phase in COMPARED and step.state is State.LOCKED and self._truth is not None:
-            self._hold_residual.append(step.light_residual)
-            if len(self.history) % _COMPARE_EVERY == 0:
-                self._errors.append(self._compared(step))
-
-    def _compared(self, step: LightStep) -> tuple[float, float, float]:
-        """Peak's error, of the true one; the same in its sigmas; rms error of depth over the view, mm."""
-        assert self._truth is not None
-        assert step.modes is not None
-        assert step.peak is not None
-        x, y, depth = self.loop.reader.depth_map(step.modes)
-        mirror = self._truth.true_mirror(step.time_ns)
-        true, peak = mirror.field(*np.meshgrid(x, y))[0], mirror.peak(x, y)
-        error = step.peak.depth_mm - peak
-        return error / peak, error / step.peak.sigma_mm, float(np.sqrt(np.mean((depth - true) ** 2)))
+        """Take a reading of depth into the figures."""
+        modes, peak = step.modes, step.peak
+        if modes is None or peak is None:
+            return
+        self._readings += 1
+        self.history.append((step.time_s, peak.depth_mm, peak.sigma_mm))
+        if self.pressed is None or abs(peak.depth_mm) >= abs(self.pressed.depth_peak_mm):
+            self.pressed = step
+        if step.phase == "untouched":
+            self._untouched.append(modes)
+        if step.phase in _COMPARED_PHASES and step.state is State.LOCKED and self._truth is not None:
+            self._pressed_residuals.append(step.light_residual)
+            if self._readings % _COMPARE_EVERY == 0:
+                x, y, depth = self.loop.reader.depth_map(modes)
+                mirror = self._truth.true_mirror(step.time_ns)
+                true, true_peak = mirror.field(*np.meshgrid(x, y))[0], mirror.peak(x, y)
+                error, rms = peak.depth_mm - true_peak, float(np.sqrt(np.mean((depth - true) ** 2)))
+                self._errors.append((error / true_peak, error / peak.sigma_mm, rms))
 
     def true_depth(self, step: LightStep, x: Float, y: Float) -> Float | None:
         """Depth of a simulated mirror at points, mm, at a step; None of a real one."""
@@ -141,25 +130,23 @@ class LightSession:
     @property
     def figures(self) -> dict[str, Any]:
         """All figures of the run so far, as --summary writes them."""
-        last, loop = self.last, self.loop
-        ms = np.array(self._loop_ms)
-        peak = None if last is None or not self.history else self.history[-1]
+        last, loop, ms = self.last, self.loop, np.array(self._loop_ms)
+        _, peak_mm, sigma_mm = self.history[-1] if self.history else (None, None, None)
+        median_ms, p99_ms = np.percentile(ms, [50, 99]).tolist() if len(ms) else (None, None)
         figures: dict[str, Any] = {
             "rig": self.rig.name,
             "state": None if last is None else last.state.value,
             "reason": "" if last is None else last.reason,
-            "frames": len(self._loop_ms),
+            "frames": self._frames,
             "dropped": loop.counts["readings lost"],
-            "readings_of_depth": len(self.history),
+            "readings_of_depth": self._readings,
             "reading_hz": self.rig.detectors.rate_hz / READ_EVERY,
             "modes": self.rig.reading.modes,
-            "depth_peak_mm": None if peak is None else peak[1],
-            "depth_peak_sigma_mm": None if peak is None else peak[2],
+            "depth_peak_mm": peak_mm,
+            "depth_peak_sigma_mm": sigma_mm,
             "light_residual": None if last is None or np.isnan(last.light_residual) else last.light_residual,
-            "loop_ms": {"median": float(np.median(ms)), "p99": float(np.percentile(ms, 99))}
-            if len(ms)
-            else None,
-            "computing_hz": float(1e3 / np.median(ms)) if len(ms) else None,
+            "loop_ms": {"median": median_ms, "p99": p99_ms} if median_ms else None,
+            "computing_hz": 1e3 / median_ms if median_ms else None,
             "faults": loop.faults,
             "events": dict(loop.counts),
         }
@@ -168,11 +155,11 @@ class LightSession:
             figures["untouched_rms_um"] = 1e3 * float(np.sqrt(np.mean(depth**2)))
         if self._errors:
             errors = np.array(self._errors)
-            worst = errors[np.argmax(np.abs(errors[:, 0]))]
+            peak_error, in_sigmas, _ = errors[np.argmax(np.abs(errors[:, 0]))]
             figures["truth"] = {
-                "depth_peak_error_percent": 100 * float(worst[0]),
-                "depth_peak_error_sigmas": float(worst[1]),
+                "depth_peak_error_percent": 100 * float(peak_error),
+                "depth_peak_error_sigmas": float(in_sigmas),
                 "depth_rms_error_um": 1e3 * float(np.median(errors[:, 2])),
             }
-            figures["light_residual_pressed"] = float(np.median(self._hold_residual))
+            figures["light_residual_pressed"] = float(np.median(self._pressed_residuals))
         return figures

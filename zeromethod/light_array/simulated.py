@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from zeromethod.arrays import Float
-from zeromethod.light_array.devices import FULL_SCALE, Counts, Readings
+from zeromethod.light_array.devices import FULL_SCALE, Counts, LightArrays, Readings
 from zeromethod.light_array.rig import SIDE, LightArrayRig
 from zeromethod.rig.prism_tables import Prism
 from zeromethod.simulation.press import Mirror
@@ -56,13 +56,11 @@ class FramedMirror:
         return float(depth.ravel()[best])
 
 
-class SimulatedArrays:
+class SimulatedArrays(LightArrays):
     """Arrays in simulated time. scenario: what presses, from `simulation.begin_s` on."""
 
-    live = False
-
     def __init__(self, rig: LightArrayRig) -> None:
-        self.rig, self.refused = rig, 0
+        self.rig = rig
         self.scenario: Scenario = load_scenario(rig.scenario)
         spec = rig.simulation
         rng = np.random.default_rng(spec.seed)
@@ -97,13 +95,6 @@ class SimulatedArrays:
             if number not in spec.lose_frames:
                 break
         return Readings(number, self._shown[0], round(1e9 * number / rate_hz), self._read(number / rate_hz))
-
-    def reopen(self) -> bool:
-        """Nothing is ever lost."""
-        return True
-
-    def close(self) -> None:
-        """Nothing is open."""
 
     def scenario_ns(self, time_ns: int) -> int:
         """Time of the scenario at a time of the arrays, ns."""

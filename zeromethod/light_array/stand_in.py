@@ -22,13 +22,13 @@ import numpy as np
 
 from zeromethod.errors import InputError
 from zeromethod.light_array.devices import Readings
-from zeromethod.light_array.frames import FRAME_BYTES, LEVELS, Frames, readings_frame, unpacked
+from zeromethod.light_array.frames import LEVELS, Frames, readings_frame
 from zeromethod.light_array.rig import load_light_array
 from zeromethod.light_array.simulated import SimulatedArrays
 
 
 class _Line:
-    """The stand-in's end of a link."""
+    """The stand-in's end of a link. address: what a host opens."""
 
     def __init__(self, address: str) -> None:
         self._socket: socket.socket | None = None
@@ -40,12 +40,12 @@ class _Line:
             self._socket.bind((host, int(port)))
             self._handle = self._socket.fileno()
             self.address = f"udp://{host}:{self._socket.getsockname()[1]}"
-        elif address != "serial":
-            raise InputError(f"{address}: udp://HOST:PORT, or serial")
-        else:
+        elif address == "serial":
             self._handle, far = os.openpty()
             tty.setraw(far)
             self.address = f"serial://{os.ttyname(far)}"
+        else:
+            raise InputError(f"{address}: udp://HOST:PORT, or serial")
 
     def levels(self, wait_s: float) -> list[Readings]:
         """Frames of levels that have come."""
@@ -53,15 +53,13 @@ class _Line:
             return []
         if self._socket is None:
             return self._frames.add(os.read(self._handle, 1 << 16))
-        data, self._peer = self._socket.recvfrom(FRAME_BYTES + 1)
-        found = unpacked(data, LEVELS)
-        return [] if found is None else [found]
+        data, self._peer = self._socket.recvfrom(1 << 16)
+        return self._frames.add(data)
 
     def send(self, frame: bytes) -> None:
-        """Send a frame to whoever asked last."""
-        if self._socket is not None:
-            if self._peer is not None:
-                self._socket.sendto(frame, self._peer)
+        """Send a frame to the host that sent levels last."""
+        if self._socket is not None and self._peer is not None:
+            self._socket.sendto(frame, self._peer)
         elif select.select([], [self._handle], [], 0)[1]:
             os.write(self._handle, frame)
 

@@ -6,9 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from rich.table import Table
 
-from zeromethod.light_array.devices import FULL_SCALE
+from zeromethod.arrays import Float
+from zeromethod.light_array.devices import FULL_SCALE, Counts
 from zeromethod.light_array.rig import SIDE
 from zeromethod.light_array.session import LightSession
 from zeromethod.view.axes import centred, colour_bar, colours, labelled, picture
@@ -48,36 +50,29 @@ def light_table(figures: dict[str, Any]) -> Table:
 def plot_light_run(session: LightSession, path: Path) -> None:
     """Levels at rest and where the press was deepest, depth there, a section, and the peak over time."""
     with picture(path, (12, 7), f"zeromethod  rig {session.rig.name}: zero method in light levels") as figure:
-        axes = figure.subplots(2, 3)
-        rest = None if session.loop.start is None else session.loop.start.levels
-        for axis, levels, title in (
-            (axes[0, 0], rest, "LED levels at rest"),
-            (axes[0, 1], None if session.pressed is None else session.pressed[0], "LED levels, nulled"),
-        ):
-            labelled(axis, title, "LED along the face", "LED along y")
-            if levels is not None:
-                light = levels.reshape(SIDE, SIDE) / FULL_SCALE
-                shown = axis.imshow(light, cmap="gray", vmin=0, vmax=1, origin="lower")
-                colour_bar(axis, shown, "of full light")
-        if session.pressed is None:
-            for axis in (axes[0, 2], axes[1, 0], axes[1, 1], axes[1, 2]):
+        axes, start, step = figure.subplots(2, 3), session.loop.start, session.pressed
+        rest = None if start is None else _light(start.levels)
+        grey = {"cmap": "gray", "vmin": 0, "vmax": 1}
+        _plot_array(axes[0, 0], rest, "LED levels at rest", grey)
+        if rest is None or step is None or step.shown is None or step.modes is None:
+            for axis in axes.flat[1:]:
                 centred(axis, "nothing was read")
             return
-        levels, modes, step = session.pressed
-        assert rest is not None
-        change = (levels.astype(float) - rest).reshape(SIDE, SIDE) / FULL_SCALE
-        shown = axes[0, 2].imshow(change, origin="lower", **colours(change, 100, signed=True))
-        labelled(axes[0, 2], "change of the levels: what is measured", "LED along the face", "LED along y")
-        colour_bar(axes[0, 2], shown, "of full light")
-        x, y, depth = session.loop.reader.depth_map(modes)
+        nulled = _light(step.shown)
+        _plot_array(axes[0, 1], nulled, "LED levels, nulled", grey)
+        change = nulled - rest
+        words = "change of the levels: what is measured"
+        _plot_array(axes[0, 2], change, words, colours(change, 100, signed=True))
+        x, y, depth = session.loop.reader.depth_map(step.modes)
+        depth_um = 1e3 * depth
         shown = axes[1, 0].pcolormesh(
-            x, y, 1e3 * depth, shading="nearest", **colours(1e3 * depth, 100, signed=True)
+            x, y, depth_um, shading="nearest", **colours(depth_um, 100, signed=True)
         )
         axes[1, 0].set_aspect("equal")
         labelled(axes[1, 0], f"depth at {step.time_s:.3f} s", "x, mm", "y, mm")
         colour_bar(axes[1, 0], shown, "µm")
         row = int(np.unravel_index(np.argmax(np.abs(depth)), depth.shape)[0])
-        axes[1, 1].plot(x, 1e3 * depth[row], label="read")
+        axes[1, 1].plot(x, depth_um[row], label="read")
         if (true := session.true_depth(step, x, np.full(x.shape, y[row]))) is not None:
             axes[1, 1].plot(x, 1e3 * true, "--", label="true")
             axes[1, 1].legend()
@@ -85,7 +80,19 @@ def plot_light_run(session: LightSession, path: Path) -> None:
         labelled(axes[1, 1], f"section at y = {y[row]:.1f} mm (into the rubber = down)", "x, mm", "depth, µm")
         history = np.array(session.history)
         gaps = 1 + np.flatnonzero(np.diff(history[:, 0]) > _GAP_S)
-        time_s, peak, sigma, _ = np.insert(history, gaps, np.nan, axis=0).T
+        time_s, peak, sigma = np.insert(history, gaps, np.nan, axis=0).T
         axes[1, 2].plot(time_s, 1e3 * peak)
         axes[1, 2].fill_between(time_s, 1e3 * (peak - 2 * sigma), 1e3 * (peak + 2 * sigma), alpha=0.3)
         labelled(axes[1, 2], "peak, and two sigma", "s", "µm")
+
+
+def _light(levels: Counts) -> Float:
+    """(16, 16) levels, of full light."""
+    return levels.reshape(SIDE, SIDE) / FULL_SCALE
+
+
+def _plot_array(axis: Axes, values: Float | None, title: str, look: dict[str, Any]) -> None:
+    """One value per LED in colours; nothing for None."""
+    labelled(axis, title, "LED along the face", "LED along y")
+    if values is not None:
+        colour_bar(axis, axis.imshow(values, origin="lower", **look), "of full light")
