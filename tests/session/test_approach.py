@@ -10,6 +10,7 @@ from zeromethod.export.formats import export_recording
 from zeromethod.operating.readings import approach_values
 from zeromethod.recording import Recording
 from zeromethod.rig.load import load_rig
+from zeromethod.view.report_figures import events
 from zeromethod.view.report_summary import summarise_recording
 from zeromethod.view.table import approach_words
 
@@ -52,6 +53,7 @@ def test_a_touch_is_expected_and_its_first_frame_is_measured(tmp_path):
         rows = recording.tables.approaches()
         states = [str(recording.state_of(row)) for row in recording.steps]
         assert summarise_recording(recording)["approaches"] == [pytest.approx(summed)]
+        assert [heading for heading, _ in events(recording)] == ["What came"]
         written = export_recording(recording, tmp_path / "come.csv", form="approaches")
         with pytest.raises(InputError, match="no pointer events"):
             export_recording(recording, tmp_path / "come.csv", form="pointers")

@@ -15,6 +15,7 @@ from zeromethod.loop.state import NULLED, State
 from zeromethod.operating.player import Player
 from zeromethod.operating.readings import Readings
 from zeromethod.page.replay_content import ReplayContent
+from zeromethod.view.report_figures import events
 from zeromethod.view.report_summary import summarise_recording
 
 FINGERS = ((30.0, -6.0, 0.3), (52.0, 5.0, 0.5))
@@ -82,15 +83,16 @@ def test_a_recording_replays_the_pointer_events_that_programs_got_live(tmp_path)
         assert row["pressure"] == pytest.approx(force / rig.projector.full_force_n, rel=0.15)
     with open_recording(tmp_path / "run.h5") as recording:
         assert summarise_recording(recording)["pointers"] == rows
+        assert [heading for heading, _ in events(recording)] == ["Pointers"]
         export_recording(recording, tmp_path / "touches.csv", form="pointers")
         with (tmp_path / "touches.csv").open(newline="") as lines:
             written = list(csv.DictReader(lines))
         assert [one["type"] for one in written] == kinds
         assert [float(one["y_px"]) for one in written] == [event["y"] for event in last]
         content = ReplayContent(recording, Player(recording.seconds))
-        for index, (step, events) in enumerate(live.items()):
+        for index, (step, said) in enumerate(live.items()):
             assert recording.steps["number"][index] == step
-            assert content.values(index)["pointers"] == events
+            assert content.values(index)["pointers"] == said
 
 
 def test_one_dark_frame_lifts_no_finger(tmp_path):

@@ -15,11 +15,13 @@ import pytest
 import tomlkit
 from report_page import HOSTILE, Page, add_row
 
+from zeromethod import load_rig
 from zeromethod.recording.recording import Recording
 from zeromethod.view import report_figures
 from zeromethod.view.report import STEPS, key_steps, write_report
 from zeromethod.view.report_summary import summarise_recording
-from zeromethod.view.report_words import peak_words
+from zeromethod.view.report_words import peak_words, rig_rows
+from zeromethod.view.table import force_words
 
 Edited = Callable[[Callable[[h5py.File], object]], Path]
 
@@ -108,6 +110,19 @@ def test_depth_is_shown_when_first_locked_at_its_largest_and_at_the_end(recordin
         assert names["first locked"] == locked[0]
         assert names["largest |depth|"] == summarise_recording(recording)["largest"]["step"]
         assert names["last"] == recording.steps_with("surface")[-1]
+
+
+def test_a_force_is_given_to_the_first_digit_of_its_sigma():
+    assert force_words(0.0353, 0.0000281) == "0.03530 ± 0.00003 N"
+    assert force_words(0.1497, 0.0038) == "0.1497 ± 0.0038 N"
+    assert force_words(0.2, None) == "0.2000 N"
+
+
+def test_the_bench_has_what_the_new_rigs_have_and_no_lcd_where_there_is_a_print():
+    said = {name: dict(rig_rows(load_rig(name))) for name in ("interactive", "contactless", "printed")}
+    assert {"projector", "cloth"} <= said["interactive"].keys()
+    assert "two lenses 80 mm apart" in said["contactless"]["watch camera"]
+    assert "LCD" not in said["printed"]
 
 
 def test_peak_is_given_to_two_digits_of_its_sigma():

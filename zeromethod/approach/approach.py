@@ -1,4 +1,4 @@
-"""What the watch camera knows at one instant."""
+"""What the watch camera sees come, at one instant."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ NAN = float("nan")
 
 
 class Watching(enum.StrEnum):
-    """What the watch camera sees, or why it sees nothing."""
+    """State of the watch camera: what it sees, or why it sees nothing."""
 
     STARTING = "starting"
     CLEAR = "clear"
@@ -24,16 +24,17 @@ class Watching(enum.StrEnum):
 
 
 FAULTY = frozenset({Watching.STALLED, Watching.LOST, Watching.BLIND})
-"""States in which nothing can be said of what comes."""
+"""States in which it is not known whether anything comes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Approach:
     """What comes, from one frame of the watch camera; NaN: not known.
 
-    time_ns: mid-exposure of that frame. height_mm: of its lowest place over the mirror, with speed_mm_s, > 0
-    towards it. contact_s: from time_ns until it touches; x_mm, y_mm: where. diameter_mm: its width, of a long
-    object the shorter one. sigma_...: standard deviations. reason: in words, for a camera at fault.
+    time_ns: mid-exposure of that frame. height_mm: of its lowest point above the mirror. speed_mm_s: at which
+    it comes down, positive towards the mirror. contact_s: time from time_ns until it touches; x_mm, y_mm:
+    where on the mirror. diameter_mm: its width; of a long object the shorter one. sigma_...: standard
+    deviations. reason: in words, why a camera at fault sees nothing.
     """
 
     watching: Watching
@@ -54,14 +55,14 @@ class Approach:
 
     @classmethod
     def of_row(cls, row: np.void) -> Approach:
-        """From a row of a recording's table of them, which has no reason."""
+        """From a row of a recording's table `approaches`, which has no reason."""
         names = {one.name for one in fields(cls)} & set(row.dtype.names or ())
         values: dict[str, Any] = {name: row[name].item() for name in names}
         return cls(**values | {"watching": Watching(row["watching"].decode())})
 
     @property
     def armed(self) -> bool:
-        """Whether a touch is expected."""
+        """Whether a touch is expected, so that the loop waits for it."""
         return self.watching is Watching.COMING
 
     @property

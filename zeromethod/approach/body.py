@@ -1,4 +1,4 @@
-"""A plate, a ball or a rod whose outlines both views show, fitted to the light of the pixels along them."""
+"""Fits a plate, a ball or a rod to the light of the pixels along its outlines in both views."""
 
 from __future__ import annotations
 
@@ -9,21 +9,25 @@ import numpy as np
 from zeromethod.arrays import Float, Mask
 
 BLURS = (2.5, 2.0, 1.5, *(1.0,) * 16)
-"""Width of an outline in pixels, pass by pass: a wide one is found from farther away."""
+"""Width of the blurred outline that is fitted, pixels, pass by pass: a wide one is found from farther."""
 BAND_PX = 3.0
-"""How far on both sides of the outline, as it is first assumed, pixels count."""
+"""Pixels within this distance of the outline, as it is first assumed, count."""
 MOST_PIXELS = 500
 DONE = 0.003
-"""Share by which a pass must still lessen what is left."""
+"""Passes end when one changes the mean square residual by less than this share."""
 STEP_MM, WEAK_MM = 3.0, 30.0
-"""Most that a pass changes; standard deviation of what the pixels do not say."""
+"""Greatest change in one pass; prior standard deviation of every length, for what the pixels do not show."""
 SHADES = 0.15
-"""Standard deviation of how much lighter the middle of a round thing is than its rim, over the background."""
+"""Prior standard deviation of how much lighter a round body is in its middle than at its rim, as a share of
+the background's light."""
 
 
 @dataclass(frozen=True, slots=True)
 class Pixels:
-    """Pixels of both views: rays, area on the plane at z (`Exits.areas`), light; right: of the right view."""
+    """Pixels of both views, (n, ...): rays (foot, tangent) and areas as of `Exits`; light; right: which view.
+
+    seen_grey: light less that of the background, which is behind_grey.
+    """
 
     foot: Float
     tangent: Float
@@ -34,7 +38,7 @@ class Pixels:
     noise_grey: float
 
     def near(self, start: Float) -> Pixels:
-        """Those near the outline of a body."""
+        """Those near the outline of the body that is first assumed, at most some hundred."""
         off = np.abs(_outside(self, start, round_=False)[0] - start[5])
         kept = np.flatnonzero(off < BAND_PX * self.pitch_mm(start[2], round_=False))
         kept = kept[:: kept.size // MOST_PIXELS + 1]
@@ -44,7 +48,7 @@ class Pixels:
         )  # fmt: skip
 
     def pitch_mm(self, z: float, *, round_: bool) -> Float:
-        """(n,) width of a pixel at the height z: on the plane, or across the ray for a round body."""
+        """(n,) width of a pixel at the height z, mm: in that plane, or across the ray for a round body."""
         area = np.abs(self.areas @ [1.0, z, z * z])
         if round_:
             area = area / np.sqrt(1.0 + np.einsum("ij,ij->i", self.tangent, self.tangent))
@@ -53,11 +57,12 @@ class Pixels:
 
 @dataclass(frozen=True, slots=True)
 class Body:
-    """A fitted body. place: (3,) mm, its lowest place; reach_mm: half its length. sigma_...: of the noise.
+    """A fitted body.
 
-    misfit: mean square of what the light differs from it, over the noise's. rough: its root less the noise,
-    over the contrast. pixels: how many counted. fit: (6,) mm, x, y, z of its middle, half its axis along x, y
-    (0, 0 for what is not long), radius.
+    place: (3,) mm, its lowest point. reach_mm: half its length. sigma_...: standard deviations that the
+    pixels' noise makes. misfit: mean square residual of the light, over the noise's variance. rough: rms
+    residual beyond the noise, over the body's contrast. pixels: how many counted. fit: (6,) mm: x, y, z of
+    its middle; x, y of half its axis (0, 0 for a body that is not long); radius.
     """
 
     place: Float
@@ -72,7 +77,11 @@ class Body:
 
 
 def fitted(pixels: Pixels, start: Float, *, round_: bool) -> Body | None:
-    """The body by least squares; start: as `Body.fit`, whose half axis stays 0, 0 if it is so."""
+    """The body by least squares; None for too few pixels.
+
+    start: first assumption, as `Body.fit`. A half axis of 0, 0 stays so. round_: a ball or a round rod, not a
+    plate or a flat one.
+    """
     body, free = start.copy(), [0, 1, 2, 3, 4, 5] if start[3:5].any() else [0, 1, 2, 5]
     pixels = pixels.near(start)
     if pixels.seen_grey.size < 2 * len(free):
@@ -116,7 +125,7 @@ def fitted(pixels: Pixels, start: Float, *, round_: bool) -> Body | None:
 
 
 def _outside(pixels: Pixels, body: Float, *, round_: bool) -> tuple[Float, Float]:
-    """(n,) mm from a body's middle line to the rays; its change with x, y, z and half axis, (n, 5)."""
+    """(n,) mm from a body's axis to the rays, and its derivatives (n, 5) by x, y, z and the half axis."""
     middle, half = body[:3], np.array([body[3], body[4], 0.0])
     length = float(half @ half)
     if round_:
@@ -127,7 +136,7 @@ def _outside(pixels: Pixels, body: Float, *, round_: bool) -> tuple[Float, Float
         ray = np.zeros((len(pixels.tangent), 3))
         to = np.column_stack([middle[:2] - pixels.foot - middle[2] * pixels.tangent, np.zeros(len(ray))])
     along, mixed = np.einsum("ij,ij->i", to, ray), ray @ half
-    # the place on the middle line nearest to the ray, kept on the body
+    # the point of the axis nearest to the ray, between its ends
     at = np.clip((mixed * along - to @ half) / np.maximum(length - mixed**2, 1e-9), -1.0, 1.0)
     away = to + at[:, None] * half
     away = away - np.einsum("ij,ij->i", away, ray)[:, None] * ray

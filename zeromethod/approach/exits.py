@@ -1,4 +1,4 @@
-"""Where the watch camera's rays leave the mirror at rest, and in which direction they go on in the air."""
+"""The watch camera's rays in the air: where they leave the mirror at rest, and in which direction."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from zeromethod.rig.model import Rig, WatchSpec
 
 @dataclass(frozen=True, slots=True)
 class Exits:
-    """Rays of one view above the mirror: the place at height z is `foot` + z `tangent`.
+    """Rays of one view above the mirror: at height z mm a ray passes x, y = `foot` + z `tangent`.
 
-    foot: (rows, cols, 2) mm, at z = 0. tangent: (rows, cols, 2). valid: (rows, cols) the pixel sees through
-    the mirror; foot and tangent are 0 elsewhere. areas: (rows, cols, 3): of the plane at z a pixel covers
-    |areas @ (1, z, z^2)| mm^2.
+    foot: (rows, cols, 2) mm, at z = 0. tangent: (rows, cols, 2). valid: (rows, cols) the pixel sees out
+    through the mirror; foot and tangent are 0 elsewhere. areas: (rows, cols, 3): in the plane at height z a
+    pixel covers |areas @ (1, z, z^2)| mm^2.
     """
 
     foot: Float

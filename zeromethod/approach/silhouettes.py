@@ -1,8 +1,8 @@
-"""What stands before the background in one view of the watch camera.
+"""Silhouettes of objects before the background, in one view of the watch camera.
 
-The background is a running median: each pixel's value goes towards what is seen by a fixed small step a
-frame. Where something stands the step is a 25th, so that what hangs still for a minute becomes background,
-but nothing that comes slowly does.
+The background is a running median: in each frame, each pixel's value moves towards what is seen by a small
+fixed step. Where an object is seen the step is a 25th of that: an object that hangs still for a minute
+becomes background, one that comes slowly does not.
 """
 
 from __future__ import annotations
@@ -15,23 +15,26 @@ import numpy as np
 from zeromethod.arrays import Float, Mask, Single
 
 STEP_GREY, HELD_GREY = 0.5, 0.02
-"""How far the background goes towards a frame, grey levels: where nothing stands, where something does."""
+"""Step of the background in a frame, grey levels: where nothing is seen before it, and where something is."""
 SIGMAS, LEAST_SHARE = 6.0, 0.07
-"""What stands differs by so many sigmas of the noise and such a share of the view's mean, at the least."""
+"""An object differs from the background by at least so many sigmas of the noise, and by at least such a share
+of the view's mean."""
 LEAST_PX, MOST = 3, 5
-"""Pixels of the smallest silhouette, and how many of the largest are looked at."""
+"""Pixels of the smallest silhouette; only so many of the largest ones are used."""
 RIM_PX = 4
+"""Pixels around a silhouette that belong to its window."""
 _NEAR = np.ones((5, 5))
 SOME = 7
-"""One pixel in so many is enough for a median of the view."""
+"""Every so many-th pixel is enough for a median of the view."""
 
 
 @dataclass(frozen=True, slots=True)
 class Silhouette:
-    """One thing before the background, in a window of the view that is somewhat larger.
+    """One object before the background, in a window (rows, cols) of the view that is somewhat larger.
 
-    cover: how much of each pixel it covers, roughly. seen_grey: what is seen less the background,
-    behind_grey. cut: the view ends before it does; aside: beside it, along the rows of the image.
+    cover: share of each pixel that it covers, roughly. seen_grey: what is seen, less the background, which is
+    behind_grey. noise_grey: of one pixel. darker: than the background. cut: it reaches beyond the view;
+    aside: beyond its left or right end.
     """
 
     rows: slice
@@ -46,7 +49,7 @@ class Silhouette:
 
 
 class Background:
-    """Running median of one view, and what differs from it."""
+    """Running median of one view; finds what differs from it."""
 
     def __init__(self, valid: Mask) -> None:
         """valid: (rows, cols) pixels that see through the mirror."""
@@ -67,7 +70,7 @@ class Background:
         off = np.where(self._valid, grey * np.float32(1.0 / level) - self._median, np.float32(0.0))
         noise = 1.48 * float(np.median(np.abs(off.ravel()[self._some])))
         self._noise_grey += 0.05 * (min(noise, 2 * self._noise_grey) - self._noise_grey)
-        # soft shadows cancel out between neighbours, and leave the noise of a pixel
+        # differences of neighbours are free of soft shadows: what is left is the noise of a pixel
         steps = np.abs(np.diff(off, axis=1)).ravel()[self._some_steps]
         pixel_noise = max(1.05 * float(np.median(steps)), 0.3)
         least = max(SIGMAS * self._noise_grey / 3.0, LEAST_SHARE * mean)
@@ -89,7 +92,7 @@ class Background:
 
 
 def _rim(valid: Mask, kernel: Float) -> Mask:
-    """Valid pixels at the border of what is valid, along the kernel."""
+    """Valid pixels next to invalid ones, or to the image's border, within the kernel."""
     inner = cv2.erode(valid.astype(np.uint8), kernel, borderType=cv2.BORDER_CONSTANT, borderValue=0)
     return np.asarray(valid & (inner == 0))
 
@@ -106,10 +109,10 @@ def _silhouette(
     darker = float(seen[inside > 0].mean()) < 0
     core = cv2.erode(inside, np.ones((3, 3)), borderType=cv2.BORDER_CONSTANT, borderValue=0) > 0
     whole = core if core.sum() >= LEAST_PX else inside > 0
-    # its own light: a small one has hardly a pixel that is covered whole
+    # the object's own light, by a quantile: a small one covers hardly a pixel as a whole
     share = 0.2 if core.sum() >= LEAST_PX else 0.1
     own_grey = float(np.quantile((seen + behind)[whole], share if darker else 1.0 - share))
     full = np.minimum(own_grey - behind, -least) if darker else np.maximum(own_grey - behind, least)
-    # noise beside it must cancel out, and inside it is covered whatever its shade
+    # beside it noise must average out, so that negative shares stay; inside it all is covered, in any shade
     cover = np.where(cv2.dilate(inside, _NEAR) > 0, np.minimum(seen / full, 1.0), 0.0)
     return Silhouette(rows, cols, np.where(core, 1.0, cover), seen, behind, noise, darker, cut, aside)

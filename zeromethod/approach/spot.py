@@ -1,4 +1,4 @@
-"""A thing seen in both views: where it is and how large, were it flat underneath and were it round."""
+"""An object seen in both views: its place and size, once as a flat body and once as a round one."""
 
 from __future__ import annotations
 
@@ -14,24 +14,25 @@ from zeromethod.arrays import Float
 
 _PASSES = 4
 LONG = 1.35
-"""Longer axis over the shorter one, from which a thing is a rod."""
+"""Longer axis over the shorter one, from which an object is taken for a rod."""
 HIGHEST_MM = 200.0
 MISS_MM, MISS_SHARE = 6.0, 0.01
-"""By how much the two views may disagree across the direction that says how high a thing is: mm and a share
-of the height."""
+"""How far apart the object may lie in the two views, across the direction in which its height moves them
+apart: mm, and a share of the height."""
 ALIKE = 2.5
-"""Most ratio of the areas in the two views."""
+"""Greatest ratio of the areas in the two views."""
 ROUGHEST = 0.2
-"""Share of its light that a body leaves unexplained, from which two silhouettes are not of one thing."""
+"""Where a body leaves more than this share of its light unexplained (`Body.rough`), the two silhouettes are
+not of one object."""
 VAGUE_MM = 5.0
-"""Standard deviation of a height that says nothing."""
+"""Standard deviation of the height above which a fit is not used."""
 SPARSE, EDGE_MM = 5, 2.0
-"""One ray in so many says how far a view reaches; this much of it at the sides is left out."""
+"""Every so many-th ray is used to find how far a view reaches; so much at its sides is left out."""
 
 
 @dataclass(frozen=True, slots=True)
 class Spot:
-    """What two silhouettes are together: a flat body or a round one. cut: a view shows only a part of it."""
+    """An object fitted as a flat body and as a round one. cut: a view shows only a part of it."""
 
     flat: Body
     round_: Body
@@ -41,10 +42,10 @@ class Spot:
 def spot_of(
     exits: tuple[Exits, Exits], pair: tuple[Silhouette, Silhouette], known: Spot | None = None
 ) -> Spot | None:
-    """What two silhouettes are together; None where they do not belong together.
+    """The object that two silhouettes show; None where they do not belong together.
 
-    known: what was there before; one view may show so little of it, cut by the border or as light as the room
-    behind it, that the two no longer match.
+    known: the same object in an earlier frame. The fit starts from it where the two silhouettes do not match:
+    one view may show only a little of it, cut by the border or as light as the room behind it.
     """
     start = _start(exits, pair)
     if start is not None:
@@ -63,7 +64,7 @@ def spot_of(
 
 
 def _start(exits: tuple[Exits, Exits], pair: tuple[Silhouette, Silhouette]) -> Float | None:
-    """(6,) roughly the body (`Body.fit`) by areas and moments; None where the two do not match."""
+    """(6,) a rough body (`Body.fit`) by areas and moments; None where the two silhouettes do not match."""
     z = 30.0
     for _ in range(_PASSES):
         common = _common(exits, z) if pair[0].aside or pair[1].aside else None
@@ -90,7 +91,7 @@ def _start(exits: tuple[Exits, Exits], pair: tuple[Silhouette, Silhouette]) -> F
 
 
 def _pixels(exits: tuple[Exits, Exits], pair: tuple[Silhouette, Silhouette]) -> Pixels:
-    """All of both windows but what is next to the end of a view."""
+    """The pixels of both windows, without those next to the end of a view."""
     parts: list[list[Float]] = []
     for number, (view, one) in enumerate(zip(exits, pair, strict=True)):
         window = one.rows, one.cols
@@ -105,7 +106,7 @@ def _pixels(exits: tuple[Exits, Exits], pair: tuple[Silhouette, Silhouette]) -> 
 
 
 def _common(exits: tuple[Exits, Exits], z: float) -> tuple[Float, float, float]:
-    """Direction (2,) across both views, and from where to where along it, mm, both see the plane at z."""
+    """Direction (2,) from view to view; range along it, mm, in which both see the plane at height z."""
     middles = [one.tangent[one.valid].mean(axis=0) for one in exits]
     direction = (middles[0] - middles[1]) / np.linalg.norm(middles[0] - middles[1])
     seen = [(one.foot + z * one.tangent)[one.valid][::SPARSE] @ direction for one in exits]
@@ -114,12 +115,12 @@ def _common(exits: tuple[Exits, Exits], z: float) -> tuple[Float, float, float]:
 
 
 class _Planar:
-    """A silhouette as it lies on the plane at height z: area, middle, second moments (2, 2) mm^2."""
+    """A silhouette projected on the plane at height z: area, centroid, second moments (2, 2) mm^2."""
 
     def __init__(
         self, exits: Exits, silhouette: Silhouette, z: float, common: tuple[Float, float, float] | None
     ) -> None:
-        """common: of what the sides cut only this part counts, which both views see."""
+        """common: see `_common`; where given, only what lies in that range counts."""
         window = silhouette.rows, silhouette.cols
         tangent = exits.tangent[window]
         place: Float = exits.foot[window] + z * tangent

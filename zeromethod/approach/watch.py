@@ -1,4 +1,4 @@
-"""The watch camera of a run, in a thread of its own, at its own rate; whatever it does, the run goes on."""
+"""The watch camera of a run, read in a thread of its own at its own rate; its faults never stop the run."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from zeromethod.rig.model import Rig
 from zeromethod.worker import SameThread, Worker
 
 STALLED_S = 0.5
-"""Without a new frame for so long, or for ten frames, the watch camera is stalled."""
+"""Without a new frame for so long, or for ten frames if that is longer, the watch camera is stalled."""
 REOPEN_S = 1.0
-"""How often a lost one is tried again."""
+"""Pause between attempts to open a lost one again."""
 CLOSING_S = 0.3
 
 
 class Watch:
-    """What comes, asked for step by step: `look` gives the newest and never waits.
+    """What comes, asked for once per step: `look` gives the newest and never waits.
 
-    In simulated time the frame that is due is read where it is asked for.
+    In simulated time there is no thread: the frame that is due is read by `look`.
     """
 
     def __init__(self, rig: Rig, clock: Clock, open_camera: Callable[[], Camera]) -> None:
@@ -34,17 +34,15 @@ class Watch:
         self._stalled_s = max(STALLED_S, 10.0 / rig.watch.rate_hz)
         self._frame_ns = self._tried_ns = clock.now_ns()
         self._newest = Approach(watching=Watching.STARTING)
-        self._said = Watching.STARTING
+        self._noted = Watching.STARTING
         live = isinstance(clock, HostClock)
         self._wait_s = 0.25 if live else 0.0
-        self._worker: Worker[None, Approach] | SameThread[None, Approach]
-        if live:
-            self._worker = Worker("watch", self._serving, kept=1, idle=(0.0, None))
-        else:
-            self._worker = SameThread(self._serving)
+        self._worker: Worker[None, Approach] | SameThread[None, Approach] = (
+            Worker("watch", self._serving, kept=1, idle=(0.0, None)) if live else SameThread(self._serving)
+        )
 
     def look(self) -> Approach:
-        """The newest of what comes; a camera that hangs is stalled."""
+        """The newest of what comes; stalled where the camera hangs."""
         if isinstance(self._worker, SameThread):
             self._worker.post(None)
         answers = self._worker.take()
@@ -56,16 +54,14 @@ class Watch:
 
     def note(self) -> tuple[str, ...]:
         """A line for the operator when the watch camera fails, and when it is back."""
-        now = self._newest.watching
-        failed, before = now in FAULTY, self._said in FAULTY
-        if now is self._said or not (failed or before):
-            self._said = now
+        before, self._noted = self._noted, self._newest.watching
+        if self._noted is before or not {self._noted, before} & FAULTY:
             return ()
-        self._said = now
-        return (f"{self._newest.words}: what comes is not seen",) if failed else ("watch camera: back",)
+        failed = self._noted in FAULTY
+        return (f"{self._newest.words}: what comes is not seen" if failed else "watch camera: back",)
 
     def close(self) -> None:
-        """End the thread and close the camera; a camera that hangs keeps both."""
+        """End the thread, which closes the camera; a camera that hangs is left to it."""
         self._worker.close(CLOSING_S)
 
     @contextmanager
@@ -73,9 +69,13 @@ class Watch:
         try:
             yield lambda _: self._next()
         finally:
-            with suppress(Exception):
-                if self._camera is not None:
-                    self._camera.close()
+            self._close_camera()
+
+    def _close_camera(self) -> None:
+        camera, self._camera = self._camera, None
+        with suppress(Exception):
+            if camera is not None:
+                camera.close()
 
     def _next(self) -> Approach | None:
         """What the next frame says; None for nothing new."""
@@ -85,20 +85,17 @@ class Watch:
                 return self._reopened(now_ns)
             frame = self._camera.read(self._wait_s)
         except CameraTimeout:
-            late = now_ns - self._frame_ns > 1e9 * self._stalled_s
-            return (
-                Approach(watching=Watching.STALLED, time_ns=now_ns, reason="no new frame") if late else None
-            )
-        except Exception as error:  # of whatever kind: the run does not depend on this camera
-            with suppress(Exception):
-                if self._camera is not None:
-                    self._camera.close()
-            self._camera, self._tried_ns = None, now_ns
+            if now_ns - self._frame_ns <= 1e9 * self._stalled_s:
+                return None
+            return Approach(watching=Watching.STALLED, time_ns=now_ns, reason="no new frame")
+        except Exception as error:  # of any kind: the run does not depend on this camera
+            self._close_camera()
+            self._tried_ns = now_ns
             return self._lost(now_ns, error)
         self._frame_ns = now_ns
         try:
             return self._reader.take(frame.image, frame.time_ns)
-        except Exception as error:  # nor on what is read from it
+        except Exception as error:  # nor does it depend on what its frames are read by
             self._reader = WatchReader(self._rig)
             words = f"{type(error).__name__}: {error}"
             return Approach(watching=Watching.BLIND, time_ns=frame.time_ns, reason=words)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import click
 from rich.console import Console
@@ -18,7 +18,6 @@ from zeromethod.light_array.recording import replay
 from zeromethod.light_array.rig import LightArrayRig
 from zeromethod.light_array.session import LightSession
 from zeromethod.loop.state import State
-from zeromethod.loop.step import Step
 from zeromethod.thread_limits import limit_threads
 from zeromethod.view.light_array import light_table, plot_light_run
 from zeromethod.view.live import LiveStatus
@@ -31,6 +30,7 @@ TAKEN = (
 """Options of `run` that arrays have; the others are of camera and LCD."""
 
 _SHOW_EVERY_S = 0.05
+"""A person reads no faster."""
 
 
 def run_light_array(rig: LightArrayRig, typed: Sequence[str], given: Mapping[str, Any]) -> None:
@@ -40,7 +40,13 @@ def run_light_array(rig: LightArrayRig, typed: Sequence[str], given: Mapping[str
             raise InputError(f"{option}: not with rig {rig.name!r}: arrays have {', '.join(TAKEN[1:])}")
     if given["simulate"] and given["address"] is not None:
         raise InputError("--simulate and --camera: give one of them, not both")
-    rig = _with_given(rig, given)
+
+    rig = rig.changed(
+        scenario=None if given["scenario"] is None else checked_scenario(given["scenario"]),
+        simulation={"seed": given["seed"]},
+        control={"gain": given["loop_gain"]},
+        arrays={"address": "simulated" if given["simulate"] else given["address"]},
+    )
     check_simulated(rig.arrays.address != "simulated", given["scenario"], given["seed"])
     limit_threads()
     frames, seconds = given["frames"], given["seconds"]
@@ -48,12 +54,16 @@ def run_light_array(rig: LightArrayRig, typed: Sequence[str], given: Mapping[str
         if session.address:
             click.echo(f"publishing at {session.address}", err=True)
         total = session.seconds(frames, seconds) if frames is None else float(frames)
-        console = Console(stderr=True)
         with (
             stopped_by_signals(session.interrupt),
-            LiveStatus(console, total, "seconds" if frames is None else "frames") as live,
+            LiveStatus(Console(stderr=True), total, "seconds" if frames is None else "frames") as live,
         ):
-            _follow(session, live, frames, seconds)
+            shown_s = 0.0
+            for step in session.run(frames, seconds):
+                if step.notes or time.monotonic() > shown_s + _SHOW_EVERY_S:
+                    shown_s = time.monotonic()
+                    sigma = {"peak_sigma_mm": session.history[-1][2]} if session.history else {}
+                    live.update(step, step.number, sigma)
         figures = session.figures
     Console().print(light_table(figures))
     write_summary(given["summary"], figures)
@@ -69,38 +79,6 @@ def run_light_array(rig: LightArrayRig, typed: Sequence[str], given: Mapping[str
         raise MeasurementError(f"no depth was read, {figures['state'] or 'nothing came'} at the end{why}")
 
 
-def _follow(session: LightSession, live: LiveStatus, frames: int | None, seconds: float | None) -> None:
-    """Show the run in one line, as often as a person can read it."""
-    shown_s, state, peak = 0.0, None, None
-    for step in session.run(frames, seconds):
-        peak = step.peak or peak
-        now_s = time.monotonic()
-        if (
-            step.notes
-            or (step.state is not state and now_s > shown_s + 0.01)
-            or now_s > shown_s + _SHOW_EVERY_S
-        ):
-            live.update(
-                cast("Step", step), step.number, {} if peak is None else {"peak_sigma_mm": peak.sigma_mm}
-            )
-            shown_s, state = now_s, step.state
-
-
-def _with_given(rig: LightArrayRig, given: Mapping[str, Any]) -> LightArrayRig:
-    """Rig with the values of options in place of its own."""
-    tables: dict[str, Any] = {}
-    if given["scenario"] is not None:
-        tables["scenario"] = checked_scenario(given["scenario"])
-    if given["seed"] is not None:
-        tables["simulation"] = {"seed": given["seed"]}
-    if given["loop_gain"] is not None:
-        tables["control"] = {"gain": given["loop_gain"]}
-    address = "simulated" if given["simulate"] else given["address"]
-    if address is not None:
-        tables["arrays"] = {"address": address}
-    return rig.changed(**tables)
-
-
 def replay_light_array(path: Path, typed: Sequence[str], summary: Path | None) -> None:
     """Run the loop again on what arrays read, and say whether it does the same."""
     for option in typed:
@@ -109,15 +87,12 @@ def replay_light_array(path: Path, typed: Sequence[str], summary: Path | None) -
     limit_threads()
     with stopped_by_signals():
         figures = replay(path)
-    same = "the same, bit for bit" if figures["equal"] else "not the same"
+    readings = f"{figures['readings_differing']} of {figures['readings_of_depth']}"
     rows = [
         ("frames", str(figures["frames"])),
         ("levels that differ", f"{figures['levels_differing']} of {figures['levels']}"),
-        (
-            "readings of depth that differ",
-            f"{figures['readings_differing']} of {figures['readings_of_depth']}",
-        ),
-        ("the run is", same),
+        ("readings of depth that differ", readings),
+        ("the run is", "the same, bit for bit" if figures["equal"] else "not the same"),
     ]
     Console().print(pair_table(rows))
     write_summary(summary, {"recording": str(path), **figures})

@@ -18,9 +18,10 @@ SIMULATED_WATCH = "zeromethod.simulation.watch_camera:SimulatedWatchCamera"
 
 
 def watch_opener(rig: Rig, clock: Clock) -> Callable[[], Camera]:
-    """What opens the rig's watch camera on the run's clock.
+    """A function that opens the rig's watch camera on the run's clock.
 
-    Raises InputError for unknown drivers, and for a simulated one by a real one's side; so does opening.
+    Raises InputError for unknown drivers, and if only one of camera and watch camera is simulated. The
+    function raises InputError where the camera cannot be opened.
     """
     assert rig.watch is not None
     keys = {key: value for key, value in rig.watch.given().items() if key != "baseline_mm"}

@@ -1,1 +1,1 @@
-"""The interactive surface: fingers on a cloth as pointers, and the projector's picture that they drive."""
+"""The interactive surface: fingers on a cloth become pointers, and the projector's picture follows them."""

@@ -1,4 +1,4 @@
-"""From places on the mirror to a projector's pixels and back."""
+"""Homographies between places on the mirror and a projector's pixels."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from zeromethod.rig.model import ProjectorSpec
 
 
 def homography(from_points: ArrayLike, to_points: ArrayLike) -> Float:
-    """(3, 3) of least algebraic error between n >= 4 points (n, 2), both scaled about their mean."""
+    """(3, 3) homography that maps n >= 4 points (n, 2) to others with the least algebraic error."""
     both = [np.asarray(points, dtype=np.float64) for points in (from_points, to_points)]
     scaled, scales = zip(*(_scaled(points) for points in both), strict=True)
     (x, y), (u, v) = scaled[0].T, scaled[1].T
@@ -23,14 +23,14 @@ def homography(from_points: ArrayLike, to_points: ArrayLike) -> Float:
             np.stack([zero, zero, zero, x, y, one, -v * x, -v * y, -v], axis=1),
         ]
     )
-    # the smallest eigenvector of the normal equations, which stay small however many points there are
+    # the eigenvector of the smallest eigenvalue: the normal equations are 9 x 9 for any number of points
     found = np.linalg.eigh(rows.T @ rows)[1][:, 0].reshape(3, 3) if len(x) > 4 else _null(rows)
     whole = np.linalg.inv(scales[1]) @ found @ scales[0]
     return np.asarray(whole / whole[2, 2])
 
 
 def mapped(by: Float, points: ArrayLike) -> Float:
-    """Points (..., 2) by a homography (3, 3)."""
+    """Points (..., 2) mapped by a homography (3, 3)."""
     points = np.asarray(points, dtype=np.float64)
     sides = points @ by[:, :2].T + by[:, 2]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -38,13 +38,13 @@ def mapped(by: Float, points: ArrayLike) -> Float:
 
 
 def corners_px(projector: ProjectorSpec) -> Float:
-    """(4, 2) middles of the corner pixels (column, row), in the order of `corners_mm`."""
+    """(4, 2) the corner pixels (column, row), in the order of `corners_mm`."""
     last = projector.columns - 1, projector.rows - 1
     return np.array([(0, 0), (last[0], 0), (0, last[1]), last], dtype=np.float64)
 
 
 def mm_to_px(projector: ProjectorSpec, off_mm: Sequence[Sequence[float]] | None = None) -> Float:
-    """(3, 3) homography from the mirror, mm, to the picture's pixels; `off_mm`: (4, 2) added to corners."""
+    """(3, 3) homography from the mirror, mm, to the picture's pixels. off_mm: (4, 2) added to the corners."""
     corners = np.array(projector.corners_mm) + (0.0 if off_mm is None else np.array(off_mm))
     return homography(corners, corners_px(projector))
 
@@ -54,7 +54,7 @@ def _null(rows: Float) -> Float:
 
 
 def _scaled(points: Float) -> tuple[Float, Float]:
-    """Points about their mean at a distance of 1 on average, and the matrix that does so."""
+    """Points shifted to a mean of 0 and scaled to a mean |coordinate| of 1; the (3, 3) matrix of that."""
     middle = points.mean(axis=0)
     size = 1 / max(float(np.abs(points - middle).mean()), 1e-12)
     matrix = np.array([[size, 0, -size * middle[0]], [0, size, -size * middle[1]], [0, 0, 1]])

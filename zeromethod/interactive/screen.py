@@ -1,4 +1,4 @@
-"""The picture that fingers drive: a trail behind each, which fades, and a ring round where it is."""
+"""The picture that fingers draw: a ring round each of them, and a trail behind it that fades."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from zeromethod.interactive.pointers import PointerEvent, PointerType
 from zeromethod.rig.model import ProjectorSpec
 
 FADES_S = 2.0
-"""Time in which a trail falls to half of its grey."""
+"""Time in which a trail's grey level falls to half."""
 _TRAIL_SHARE, _RING_SHARE = 0.6, 1.3
-"""Thickness of a trail at full pressure, and radius of a ring, over half the contact's extent."""
+"""Thickness of a trail at full pressure, and radius of a ring, over half the contact's width."""
 _SHIFT = 4
-"""Bits of a pixel's fraction that OpenCV draws with."""
+"""Fractional bits of the coordinates that OpenCV draws with."""
 
 
 class PointerScreen:
-    """Draws pictures (rows, cols) of grey codes."""
+    """Draws the projector's pictures: (rows, cols) grey codes."""
 
     def __init__(self, spec: ProjectorSpec) -> None:
         self._spec = spec
@@ -32,7 +32,7 @@ class PointerScreen:
     def draw(
         self, events: Sequence[PointerEvent], down: Sequence[PointerEvent], time_ns: int
     ) -> Bytes | None:
-        """The picture after `events`, with the fingers that are down; None where it is as it was."""
+        """The picture after `events`, with a ring for each finger down; None where it has not changed."""
         if self._spec.picture == "black":
             return None
         passed_s = 0.0 if self._time_ns is None else 1e-9 * (time_ns - self._time_ns)
@@ -66,6 +66,6 @@ class PointerScreen:
 
 
 def _fixed(event: PointerEvent) -> tuple[int, int]:
-    """A place with OpenCV's bits of fraction, kept within what it can draw."""
+    """An event's place in OpenCV's fixed-point coordinates, clipped to what it can draw."""
     x, y = np.clip([event.x_px, event.y_px], -1e4, 1e4)
     return round(x * (1 << _SHIFT)), round(y * (1 << _SHIFT))

@@ -1,4 +1,4 @@
-"""Channels that fail while it runs: found by what readings leave over, named, and left out."""
+"""LEDs and detectors that fail during a run: found by the residuals of the fit, named, and left out."""
 
 from __future__ import annotations
 
@@ -8,39 +8,44 @@ import numpy as np
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.light_array.devices import FULL_SCALE, Counts
-from zeromethod.light_array.estimate import Light, seen
+from zeromethod.light_array.estimate import Light, each_led
 from zeromethod.light_array.finer import FinerDents
 from zeromethod.light_array.optics import COUNT
 from zeromethod.light_array.start import Start
 
 OUTLIER = 6.0
-"""Residual, in robust standard deviations, from which a detector is not believed in a frame."""
+"""Residual, in robust standard deviations, above which a detector is not used in a frame."""
 
 _NAMED_AFTER = 25
-"""Consecutive such frames until a channel is named: 5 ms."""
+"""After so many consecutive frames, 5 ms, in which it was not used, a channel is named and left out."""
 
 _SLOW = 500
-"""Frames over which slow drift is averaged."""
+"""Frames over which residuals are averaged to find slow drift."""
 
 _LEAST_DRIFT = 0.25
-"""Mean residual, in sigmas of a reading, below which nothing is drift."""
+"""Mean residual, in sigmas of a reading, below which a channel does not count as drifting."""
 
-
-_STROKE = 2.0
-"""Mean residual, in sigmas, that drift does not reach before it is named."""
+_SUDDEN = 2.0
+"""Mean residual, in sigmas, that drift does not reach before it is found: more came suddenly."""
 
 _SATURATED, _DEAD = 0.98, 0.005
-"""Reading, of full scale, above which, and light below which a detector shows nothing but itself."""
+"""Reading, of full scale, above which a detector is saturated; light below which it is dead."""
 
-_FOOTPRINT, _WHOLE, _DARK = 0.05, 0.85, -0.7
-"""Share of an LED's greatest light that counts as its place; of what is left there that it must explain to be
-to blame at once; of its light that is gone when it is called dead."""
+_FOOTPRINT = 0.05
+"""Detectors that see at least this share of the most that any sees of an LED are around it."""
+
+_WHOLE = 0.85
+"""Share of the squared residuals around an LED that it must explain to be left out at once."""
+
+_DARK = -0.7
+"""Change of an LED's light, of all of it, from which it is dead."""
 
 
 class Seen(NamedTuple):
-    """What a frame showed. left: (256,) residual, in sigmas; scale: its robust size.
+    """What a frame showed.
 
-    reading: (256,) light by counts. lit: (256,) levels times gains. sigma: noise of one reading.
+    left: (256,) residual of the fit, in sigmas; scale: its robust size. reading: (256,) light, from counts.
+    light: what detectors see of the LEDs. lit: (256,) levels times gains. sigma: noise of one reading.
     """
 
     left: Float
@@ -53,10 +58,12 @@ class Seen(NamedTuple):
 
 
 class Channels:
-    """Which LEDs and detectors are believed. faults: names, and why; led: (256,) gains, 0 where left out.
+    """Which LEDs and detectors are used.
 
-    strange: detectors that were off in the last frame, and are not left out for good. pressed: it is a dent
-    that they see, so that they count.
+    faults: names of those left out for good, and why. led: (256,) gains, 0 where left out. alive: (256,)
+    detectors that are not left out for good; used: those that count in the next frame. strange: how many of
+    the alive ones were off in the last frame. pressed: set from outside while a narrow dent is certain;
+    detectors that are off are used all the same then.
     """
 
     def __init__(self, start: Start, finer: FinerDents) -> None:
@@ -64,7 +71,7 @@ class Channels:
         finer.begin(start)
         self.faults = dict(start.faults)
         self.led = start.led.copy()
-        self.alive: Mask = start.detector > 0
+        self.alive: Mask = np.isfinite(start.detector)
         self.used: Mask = self.alive.copy()
         self.strange = 0
         self.pressed = False
@@ -73,9 +80,9 @@ class Channels:
         self._frames = 0
 
     def see(self, frame: Seen, at_rest: bool) -> list[str]:
-        """Take what a frame left over; names of channels that are left out from now on.
+        """Take a frame's residuals; return notes on channels that are left out from now on.
 
-        at_rest: nothing presses, so that no narrow dent passes for a fault.
+        at_rest: nothing presses. Only then are channels left out: a narrow dent would pass for a fault.
         """
         off = np.abs(frame.left) > OUTLIER * max(frame.scale, 1.0)
         self._running = np.where(off, self._running + 1, 0)
@@ -95,11 +102,12 @@ class Channels:
         return named
 
     def _dead(self, frame: Seen, left: Float, lasting: Mask) -> list[str]:
-        """Leave out the one channel without light, or with all of it, that explains most of what is left.
+        """Leave out the one channel, dead or saturated, that explains most of the residuals left.
 
-        lasting: (256,) the detectors that are off. Several may be around a narrow dent.
+        lasting: (256,) detectors that have been off for long enough. Several of them around one place may be
+        a narrow dent.
         """
-        columns = np.array([seen(frame.light, one) for one in np.diag(frame.lit)]).T / frame.sigma
+        columns = each_led(frame.light) * frame.lit / frame.sigma
         columns[~self.alive] = 0.0
         share = columns.T @ left
         power = np.sum(columns**2, axis=0)
@@ -119,16 +127,15 @@ class Channels:
         return []
 
     def _drifting(self) -> list[str]:
-        """Leave out the one channel that explains the mean of what is left, if it is no dent that does."""
+        """Leave out the one channel that explains the mean residual, unless a dent explains it better."""
         limit = max(OUTLIER * 1.4826 * float(np.median(np.abs(self._mean[self.alive]))), _LEAST_DRIFT)
-        # what is off at a stroke is a dent, or a fault that shows by its light alone
-        if not ((np.abs(self._mean) > limit) & (np.abs(self._mean) < _STROKE)).any():
+        if not ((np.abs(self._mean) > limit) & (np.abs(self._mean) < _SUDDEN)).any():
             return []
         found = self._finer.channel(self._mean, _SLOW)
         return [] if found is None else self._leave_out(found[0], "drifting", led=found[1])
 
     def _leave_out(self, number: int, word: str, *, led: bool) -> list[str]:
-        """Leave out a channel for good; what to say of it."""
+        """Leave out a channel for good; a note for the operator."""
         if led:
             self.led[number] = 0.0
             self._running[:] = 0

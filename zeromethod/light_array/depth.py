@@ -12,26 +12,27 @@ from zeromethod.light_array.rig import SIDE, LightArrayRig
 from zeromethod.surface import Anchor, Peak, Surface
 
 _STEP_MM = 1.0
-"""Pitch on which the peak is looked for; between points it is a parabola's."""
+"""Pitch of the points on which the peak is looked for; between them it is a parabola's."""
 
 _ELSEWHERE = 8.0
-"""Peak, in sigmas of its noise, from which it is not elsewhere."""
+"""A peak of so many sigmas of its noise is not mistaken for noise at another place."""
 
 _OPTICS, _AT_BORDER, _BORDER_MM = 0.004, 0.02, 5.0
-"""Share of the greatest depth by which all may be off, and near the border of the view: a bent mirror widens
-what a detector sees, uncounted, and where it sees beyond the LEDs their light is known less well."""
+"""Standard deviation of depth that the optics leave open, as a share of the greatest depth: in the view, and
+within so many mm of its border. A bent mirror widens what a detector sees, which the model leaves out, and
+light from beyond the LEDs is known less well."""
 
 _ALL = 1024
-"""Modes that stand for every surface there may be."""
+"""So many modes stand for every surface there may be."""
 
 
 class DepthReader:
-    """Reads modes of one rig. points_mm: (256, 2) where detectors look, rows along y, columns along x."""
+    """Reads modes of one rig. points_mm: (256, 2) where detectors look, row by row along y, x rising."""
 
     def __init__(self, rig: LightArrayRig, finer: FinerDents) -> None:
         self._finer = finer
         modes = Modes.of(rig)
-        # columns so that x rises
+        # along the camera face x falls
         order = np.arange(SIDE * SIDE).reshape(SIDE, SIDE)[:, ::-1].ravel()
         self.points_mm = ArrayOptics.of(rig).mirror_mm[order, :2]
         self._fields = modes.derivatives(self.points_mm)[:3]
@@ -41,15 +42,15 @@ class DepthReader:
         grid = np.stack([part.ravel() for part in np.meshgrid(self._x, self._y)], axis=1)
         self._grid = modes.depth(grid)
         self._share, self._shares = self._optics(grid), self._optics(self.points_mm)
-        # what the shortest third of the waves shows of a dent, longer and shorter waves show in proportion: a
-        # dent as narrow as any expected has this much more in the waves that are left out
+        # what the modes leave out of a dent is estimated from the shortest third of their waves: in the
+        # narrowest dent expected, the waves left out have so many times its size
         count = len(modes.size_mm)
         size = Modes.of(rig, _ALL).size_mm
         self._short = slice(count - count // 3, count)
         self._left_out = float(size[count:].sum() / size[self._short].sum())
 
     def _optics(self, points_mm: Float) -> Float:
-        """(n,) share of depth by which the optics may be off at points (n, 2)."""
+        """(n,) standard deviation that the optics leave open at points (n, 2), as a share of depth."""
         low, high = self.points_mm.min(axis=0), self.points_mm.max(axis=0)
         inside = np.minimum(points_mm - low, high - points_mm).min(axis=1)
         return np.where(inside < _BORDER_MM, _AT_BORDER, _OPTICS)
@@ -65,14 +66,17 @@ class DepthReader:
     def _variances(
         self, fields: Float, share: Float, modes: Float, covariance: Float, frames: int
     ) -> tuple[Float, Float]:
-        """(n,) variance of what fields (n, modes) read, by noise, and by waves left out and the optics."""
+        """(n,) variances of what fields (n, modes) read: by noise; by waves left out and the optics.
+
+        share: (n,) see `_optics`. frames: how many the reading is the mean of.
+        """
         count = fields.shape[-1]
         noise = np.sum((fields @ covariance[:count, :count]) * fields, axis=1) / frames
         left_out = self._left_out * (fields[:, self._short] @ modes[self._short])
         return noise, left_out**2 + (share * np.abs(fields @ modes)).max() ** 2
 
     def peak(self, modes: Float, covariance: Float, finer: Finer, frames: int) -> tuple[Peak, float]:
-        """Point of largest |depth|, and what noise alone makes of its sigma, mm."""
+        """Point of largest |depth|, and the part of its sigma that noise makes, mm."""
         x, y, depth = self.depth_map(modes)
         row, col = np.unravel_index(int(np.argmax(np.abs(depth))), depth.shape)
         top = depth[row, col]
@@ -82,7 +86,7 @@ class DepthReader:
         here = slice(at, at + 1)
         parts = self._variances(self._grid[here], self._share[here], modes, covariance, frames)
         noise, more = (float(part[0]) for part in parts)
-        if top**2 < _ELSEWHERE**2 * noise:  # noise may have made it the greatest
+        if top**2 < _ELSEWHERE**2 * noise:  # the true peak may be elsewhere
             odds = np.exp((depth**2 - top**2) / (2 * noise))
             more += float(np.sum(odds * (depth - top) ** 2) / np.sum(odds))
         peak = Peak(
@@ -94,7 +98,7 @@ class DepthReader:
         return peak, float(np.sqrt(noise))
 
     def surface(self, modes: Float, covariance: Float, finer: Finer, frames: int, time_ns: int) -> Surface:
-        """Map at the detectors' points, (16, 16)."""
+        """Map at the points where the detectors look, (16, 16)."""
         shape = (SIDE, SIDE)
         depth, by_x, by_y = (field @ modes for field in self._fields)
         sigmas = []
@@ -119,7 +123,7 @@ class DepthReader:
 
 
 def _parabola(values: Float, at: int) -> tuple[float, float]:
-    """Offset and rise of the summit of a parabola through three values around `at`; 0 at the ends."""
+    """Offset, in points, and rise of the summit of a parabola through three values around `at`; 0 at ends."""
     if not 0 < at < len(values) - 1:
         return 0.0, 0.0
     left, middle, right = values[at - 1 : at + 2]

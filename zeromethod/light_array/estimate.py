@@ -8,232 +8,191 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from zeromethod.arrays import Float, Ints, Mask
+from zeromethod.arrays import Float, Mask
 from zeromethod.light_array.modes import Modes
 from zeromethod.light_array.optics import COUNT, ArrayOptics
 from zeromethod.light_array.rig import SIDE, LightArrayRig
 
 _LEFT_OUT = 1e-4
-"""Light of an LED, of what it gives where it is looked at, below which it does not count."""
-
-_OUTLIER = 6.0
-"""Residual, in robust standard deviations, from which a channel is not believed in a frame."""
+"""Light of an LED, relative to one looked at directly, below which it is left out."""
 
 _PASSES = 12
 """Steps of conjugate gradients for the next levels, at most; noise alone takes one."""
 
 _PRIOR_LIGHT, _PRIOR_AMBIENT = 0.3, 0.1
-"""Standard deviations of the LEDs' common brightness and of light from outside, against rest."""
+"""Standard deviations of the LEDs' common brightness, relative to rest, and of light from outside."""
+
+_DAMPING = 0.03
+"""Patterns of levels of which less than the root of this share reaches the detectors take several frames:
+where the mirror gathers light, several detectors look at one LED, and it cannot show what all should."""
+
+_COVERED = 0.75
+"""Share of what a detector looks at that working LEDs must cover, so that levels can null it."""
+
+_STEP = 1e-5
+"""Depth, mm, and slope by which the change of a place looked at is worked out."""
+
+_LEDS = np.arange(float(SIDE))
 
 
 class Model(NamedTuple):
     """What does not change during a run.
 
-    fields: (6 * 256, modes) of `Modes.derivatives` where detectors look. along: (256,) how far along x a
-    ray goes on per depth. tails: (256, reach + 1) of spots, by how many LEDs off, as far as they count.
-    by_mode: (2, 256, modes) place looked at, LED pitches, per mode, at rest. off: (256, 2) LED pitches that
-    are to be added. prior: (modes + 2,) 1 / variance of the state. sigma: noise of one reading.
+    fields: (6 * 256, modes) of `Modes.derivatives` where detectors look. by_mode: (2, 256, modes) change of
+    the place looked at per mode, at rest, LED pitches. reach: so many LEDs to each side of a place count.
+    off: (256, 2) by how much detectors look elsewhere than the rig file says, LED pitches. prior:
+    (modes + 2,) 1 / variance of the state (see `fit`). sigma: noise of one reading, of full scale.
     """
 
+    optics: ArrayOptics
     fields: Float
-    mirror: Float
-    direction: Float
-    along: Float
-    face: Float
-    first: Float
-    pitch: float
-    blur: Float
-    tails: Float
     by_mode: Float
+    reach: int
     off: Float
     prior: Float
     sigma: float
 
 
 class Light(NamedTuple):
-    """Where detectors look: nearest LED (256, 2), and the spots of the LEDs around it along and across."""
+    """What detectors see of the LEDs: a detector sees LED (row, column) by across[row] * along[column].
 
-    near: Ints
+    along, across: (256, 16).
+    """
+
     along: Float
     across: Float
 
 
 class Look(NamedTuple):
-    """Where detectors look: (256, 2) LED pitches, and what they see there."""
+    """Where detectors look: (256, 2) LED pitches, 0 at LED 0; and what they see there."""
 
     place: Float
     light: Light
 
 
-_DAMPING = 0.03
-"""Square of the share of a pattern of levels that reaches detectors below which it takes several frames:
-where the mirror gathers light, several detectors look at one LED, and it cannot show what all should."""
-
-
-_COVERED = 0.75
-"""Share of a detector's footprint on LEDs that give light from which it can be brought to rest."""
-
-
 def model_of(rig: LightArrayRig) -> Model:
     """Model of a rig's optics and modes."""
-    optics, modes = ArrayOptics.of(rig), Modes.of(rig)
-    fields = modes.derivatives(optics.mirror_mm[:, :2])
-    by_mode = place_by(optics, fields)
+    optics = ArrayOptics.of(rig)
+    fields = Modes.of(rig).derivatives(optics.mirror_mm[:, :2])
     count = fields.shape[2]
-    prior = np.ones(count + 2)
-    prior[count], prior[count + 1] = _PRIOR_LIGHT**-2, _PRIOR_AMBIENT**-2
-    blur = optics.blur_mm / optics.pitch_mm
-    reach = math.ceil(blur.max() * math.sqrt(-2 * math.log(_LEFT_OUT)) - 0.5)
-    tails = np.exp(-(np.arange(reach + 1) ** 2) / (2 * blur[:, None] ** 2))
-    return Model(
-        fields.reshape(6 * COUNT, count), optics.mirror_mm, optics.direction,
-        -optics.direction[:, 0] / optics.direction[:, 2],
-        np.array([optics.led_edge_mm, optics.led_along, optics.led_normal]), optics.first_mm, optics.pitch_mm,
-        blur, tails, by_mode, np.zeros((COUNT, 2)), prior, rig.detectors.noise,
-    )  # fmt: skip
+    prior = np.array([*np.ones(count), _PRIOR_LIGHT**-2, _PRIOR_AMBIENT**-2])
+    reach = math.ceil(optics.blur.max() * math.sqrt(-2 * math.log(_LEFT_OUT)) - 0.5)
+    by_mode, off = place_by(optics, fields), np.zeros((COUNT, 2))
+    return Model(optics, fields.reshape(-1, count), by_mode, reach, off, prior, rig.detectors.noise)
 
 
 def place_by(optics: ArrayOptics, fields: Float) -> Float:
-    """(2, 256, n) place looked at, LED pitches, by each of n surfaces of little depth.
+    """(2, 256, n) change of the places looked at, LED pitches, by each of n surfaces of little depth.
 
     fields: (3 or more, 256, n) their depth and slopes where detectors look.
     """
-    zero, step = np.zeros(COUNT), 1e-5
-    changes = []
+    change = np.zeros((2, COUNT, fields.shape[2]))
     for which in range(3):
-        depth, slope = zero.copy(), np.zeros((COUNT, 2))
-        for sign in (1, -1):
-            (depth if which == 0 else slope[:, which - 1])[:] = sign * step
-            place = optics.mirror_mm[:, :2] + np.outer(
-                depth, [-optics.direction[0, 0] / optics.direction[0, 2], 0]
-            )
-            changes.append(optics.looked_at(depth, slope, place))
-    by = [(changes[2 * k] - changes[2 * k + 1]) / (2 * step) for k in range(3)]
-    return np.array([sum(by[k][:, axis, None] * fields[k] for k in range(3)) for axis in (0, 1)])
+        field = np.zeros((6, COUNT))
+        field[which] = _STEP
+        by = (looked_at(optics, field) - looked_at(optics, -field)) / (2 * _STEP)
+        change += by.T[:, :, None] * fields[which]
+    return change
 
 
 @numba.njit(cache=True)
-def looked_at(model: Model, modes: Float) -> Float:
-    """(256, 2) place on the LED plane that each detector looks at, LED pitches, by the mirror of modes."""
-    field = model.fields @ modes
-    place = np.empty((COUNT, 2))
+def looked_at(optics: ArrayOptics, field: Float) -> Float:
+    """(256, 2) place on the LED plane that each detector looks at, LED pitches.
+
+    field: (6, 256) depth of the mirror and its derivatives, as of `Modes.derivatives`, where they look at
+    rest.
+    """
+    place, face = np.empty((COUNT, 2)), optics.led_face
+    along = -optics.direction[0] / optics.direction[2]
     for k in range(COUNT):
-        d0, dx, dy = field[k], field[COUNT + k], field[2 * COUNT + k]
-        dxx, dxy = field[3 * COUNT + k], field[4 * COUNT + k]
+        d0, dx, dy, dxx, dxy = field[0, k], field[1, k], field[2, k], field[3, k], field[4, k]
         depth = d0
-        for _ in range(3):
-            on = model.along[k] * depth
+        for _ in range(3):  # a ray goes on along x until it meets the dented mirror
+            on = along * depth
             depth = d0 + on * (dx + on / 2 * dxx)
-        on = model.along[k] * depth
+        on = along * depth
         sx, sy = dx + on * dxx, dy + on * dxy
-        px, py, pz = model.mirror[k, 0] + on, model.mirror[k, 1], -depth
-        rx, ry, rz = model.direction[k, 0], model.direction[k, 1], model.direction[k, 2]
+        px, py, pz = optics.mirror_mm[k, 0] + on, optics.mirror_mm[k, 1], -depth
+        rx, ry, rz = optics.direction
         into = 2 * (rx * sx + ry * sy + rz) / (sx * sx + sy * sy + 1)
         rx, ry, rz = rx - into * sx, ry - into * sy, rz - into
-        face = model.face
         px, py, pz = px - face[0, 0], py - face[0, 1], pz - face[0, 2]
         reach = -(px * face[2, 0] + py * face[2, 1] + pz * face[2, 2])
         reach /= rx * face[2, 0] + ry * face[2, 1] + rz * face[2, 2]
         px, py, pz = px + reach * rx, py + reach * ry, pz + reach * rz
         on_face = px * face[1, 0] + py * face[1, 1] + pz * face[1, 2]
-        place[k, 0] = (on_face - model.first[0]) / model.pitch + model.off[k, 0]
-        place[k, 1] = (py - model.first[1]) / model.pitch + model.off[k, 1]
+        place[k, 0] = (on_face - optics.first_mm[0]) / optics.pitch_mm
+        place[k, 1] = (py - optics.first_mm[1]) / optics.pitch_mm
     return place
 
 
 @numba.njit(cache=True)
-def light_at(model: Model, place: Float) -> Light:
-    """Spots of the LEDs around the places (256, 2) that detectors look at."""
-    near, reach = np.empty((COUNT, 2), np.int64), model.tails.shape[1] - 1
-    spots = np.empty((2, COUNT, 2 * reach + 1))
+def look(model: Model, modes: Float) -> Look:
+    """Where detectors look by the mirror of modes, and what they see of the LEDs there."""
+    place = looked_at(model.optics, (model.fields @ modes).reshape(6, COUNT)) + model.off
+    spots = np.zeros((2, COUNT, SIDE))
     for k in range(COUNT):
-        square = model.blur[k] ** 2
+        square = model.optics.blur[k] ** 2
+        peak, decay = 1 / math.sqrt(2 * math.pi * square), math.exp(-1 / square)
         for axis in range(2):
             # a place far off the array is dark, whatever it is
             at = min(max(place[k, axis], -2.0 * SIDE), 3.0 * SIDE)
-            near[k, axis] = round(at)
-            off = at - near[k, axis]
-            spot = spots[axis, k]
-            spot[reach] = np.exp(-off * off / (2 * square)) / np.sqrt(2 * np.pi * square)
-            up = down = spot[reach]
-            rise, fall = np.exp(off / square), np.exp(-off / square)
-            for j in range(1, reach + 1):
-                up *= rise
-                down *= fall
-                spot[reach + j], spot[reach - j] = up * model.tails[k, j], down * model.tails[k, j]
-    return Light(near, spots[0], spots[1])
+            first, last = max(round(at) - model.reach, 0), min(round(at) + model.reach, SIDE - 1)
+            # a Gaussian from LED to LED, by products: exponentials would take longest
+            off = first - at
+            spot = peak * math.exp(-off * off / (2 * square))
+            ratio = math.exp(-(2 * off + 1) / (2 * square))
+            for led in range(first, last + 1):
+                spots[axis, k, led] = spot
+                spot *= ratio
+                ratio *= decay
+    return Look(place, Light(spots[0], spots[1]))
+
+
+@numba.njit(cache=True, fastmath=True)
+def _row_sums(one: Float, other: Float) -> Float:
+    """(256,) sums over each row of a product (256, 16)."""
+    total = np.empty(COUNT)
+    for k in range(COUNT):
+        row = 0.0
+        for j in range(SIDE):
+            row += one[k, j] * other[k, j]
+        total[k] = row
+    return total
 
 
 @numba.njit(cache=True)
-def look(model: Model, modes: Float) -> Look:
-    """Where detectors look by the mirror of modes, and the LEDs' spots there."""
-    place = looked_at(model, modes)
-    return Look(place, light_at(model, place))
-
-
-@numba.njit(cache=True, inline="always")
-def _inside(near: int, reach: int) -> tuple[int, int]:
-    """First of a window's spots that are on the array, and the one after the last."""
-    return max(0, reach - near), min(2 * reach + 1, SIDE + reach - near)
-
-
-@numba.njit(cache=True, fastmath=True)
 def seen(light: Light, levels: Float) -> Float:
     """(256,) light that each detector sees of levels (256,)."""
-    total, reach = np.zeros(COUNT), light.along.shape[1] // 2
-    for k in range(COUNT):
-        first, last = _inside(light.near[k, 0], reach)
-        start, end = _inside(light.near[k, 1], reach)
-        for j in range(start, end):
-            at = (light.near[k, 1] - reach + j) * SIDE + light.near[k, 0] - reach
-            part = 0.0
-            for i in range(first, last):
-                part += light.along[k, i] * levels[at + i]
-            total[k] += light.across[k, j] * part
-    return total
+    return _row_sums(light.across, light.along @ levels.reshape(SIDE, SIDE).T)
 
 
-@numba.njit(cache=True, fastmath=True)
+@numba.njit(cache=True)
+def _back(light: Light, values: Float) -> Float:
+    """(256,) the transpose of `seen`: how much each LED adds to values (256,) of the detectors."""
+    return ((light.across * values.reshape(COUNT, 1)).T @ light.along).reshape(COUNT)
+
+
+def each_led(light: Light) -> Float:
+    """(detectors, LEDs) light that each detector sees of each LED at full level, alone."""
+    return (light.across[:, :, None] * light.along[:, None, :]).reshape(COUNT, COUNT)
+
+
+@numba.njit(cache=True)
 def light_by_place(model: Model, at: Look, levels: Float) -> tuple[Float, Float]:
-    """(256,) light that each detector sees, and (2, 256) how it changes with the place looked at.
+    """(256,) light that each detector sees, and (2, 256) its change with the place looked at.
 
     The second in sigmas of a reading per LED pitch.
     """
-    place, light = at
-    total, by_place, reach = np.zeros(COUNT), np.empty((2, COUNT)), light.along.shape[1] // 2
-    for k in range(COUNT):
-        first, last = _inside(light.near[k, 0], reach)
-        start, end = _inside(light.near[k, 1], reach)
-        left, below = light.near[k, 0] - reach, light.near[k, 1] - reach
-        along = across = 0.0
-        for j in range(start, end):
-            part = slope = 0.0
-            for i in range(first, last):
-                one = light.along[k, i] * levels[(below + j) * SIDE + left + i]
-                part += one
-                slope += (left + i - place[k, 0]) * one
-            total[k] += light.across[k, j] * part
-            along += light.across[k, j] * slope
-            across += light.across[k, j] * (below + j - place[k, 1]) * part
-        weight = 1 / (model.blur[k] ** 2 * model.sigma)
-        by_place[0, k], by_place[1, k] = weight * along, weight * across
+    along, across = at.light
+    by_column = levels.reshape(SIDE, SIDE).T
+    rows, moments = along @ by_column, (along * _LEDS) @ by_column
+    total = _row_sums(across, rows)
+    by_u = _row_sums(across, moments) - at.place[:, 0] * total
+    by_v = _row_sums(across * _LEDS, rows) - at.place[:, 1] * total
+    weight, by_place = 1 / (model.optics.blur**2 * model.sigma), np.empty((2, COUNT))
+    by_place[0], by_place[1] = weight * by_u, weight * by_v
     return total, by_place
-
-
-@numba.njit(cache=True, fastmath=True)
-def _back(light: Light, values: Float) -> Float:
-    """(256,) the transpose of `seen`."""
-    total, reach = np.zeros(COUNT), light.along.shape[1] // 2
-    for k in range(COUNT):
-        if values[k] != 0.0:
-            first, last = _inside(light.near[k, 0], reach)
-            start, end = _inside(light.near[k, 1], reach)
-            for j in range(start, end):
-                at = (light.near[k, 1] - reach + j) * SIDE + light.near[k, 0] - reach
-                part = light.across[k, j] * values[k]
-                for i in range(first, last):
-                    total[at + i] += light.along[k, i] * part
-    return total
 
 
 @numba.njit(cache=True)
@@ -247,14 +206,12 @@ def correction(light: Light, missing: Float, gain: Float, sigma: float) -> Float
     slope = gain * _back(light, left)
     along = slope.copy()
     size = slope @ slope
-    enough = sigma * sigma * np.sum(light.along * light.along) * np.sum(light.across * light.across) / COUNT
+    along_flat, across_flat = light.along.reshape(-1), light.across.reshape(-1)
+    enough = sigma * sigma * (along_flat @ along_flat) * (across_flat @ across_flat) / COUNT
     for done in range(_PASSES):
         if size <= (enough if done else 0.0):
             break
-        adds = seen(light, gain * along)
-        for k in range(COUNT):
-            if missing[k] == 0.0:
-                adds[k] = 0.0
+        adds = np.where(missing != 0.0, seen(light, gain * along), 0.0)
         step = size / (adds @ adds + _DAMPING * (along @ along))
         change += step * along
         left -= step * adds
@@ -273,8 +230,8 @@ def next_levels(
     Detectors that look beyond the LEDs, or at dead ones, are not counted: nothing brings them to rest.
 
     missing: (256,) light at the detectors, 0 where one is not used. gain: of the LEDs, 0 for those left out.
-    shown, newest: levels of the frame, and those sent last, whose light is on its way. share: of a correction
-    that is applied.
+    shown, newest: levels lit in the frame, and those sent last, whose light is on its way. share: of a
+    correction that is applied.
     """
     covered = seen(light, np.where(gain > 0.0, 1.0, 0.0)) > _COVERED
     missing = np.where(covered, missing, 0.0)
@@ -292,10 +249,11 @@ def next_levels(
 
 
 class Fit(NamedTuple):
-    """What a frame says. state: after the step; look: by it. left: (256,) residual after it, in sigmas.
+    """What a frame says.
 
-    moved: largest change of a place by the step, LED pitches. scale: robust size of `left`, 1 for noise
-    alone.
+    state: after the step; look: by that state. left: (256,) residual after the step, in sigmas of a reading,
+    of detectors that are not used, too: they may have come back. moved: largest change of a place looked at,
+    LED pitches. scale: robust size of `left`, 1 for noise alone.
     """
 
     state: Float
@@ -307,44 +265,30 @@ class Fit(NamedTuple):
 
 @numba.njit(cache=True)
 def fit(
-    model: Model,
-    state: Float,
-    at: Look,
-    covariance: Float,
-    fresh: bool,
-    lit: Float,
-    offset: Float,
-    reading: Float,
-    used: Mask,
-) -> Fit:
-    """Step of Gauss and Newton from `state` (modes, then brightness and light from outside), by one frame.
+    model: Model, state: Float, at: Look, covariance: Float, fresh: bool, lit: Float, offset: Float,
+    reading: Float, used: Mask,
+) -> Fit:  # fmt: skip
+    """One Gauss-Newton step by one frame.
 
-    at: by the state. covariance: of the state, (n, n), renewed in place where `fresh`. lit: (256,) levels by
-    the LEDs' gains. offset: (256,) what readings have at rest that the model has not. reading: (256,). used:
-    which of them count.
+    state: (modes + 2,) modes, change of the LEDs' common brightness, light from outside. at: where detectors
+    look in that state. covariance: of the state, (n, n), computed again in place if `fresh`. lit: (256,)
+    levels times the LEDs' gains. offset: (256,) light at rest that the model lacks. reading: (256,) light.
+    used: (256,) the detectors that count.
     """
     count = len(state) - 2
-    bright = 1 + state[count]
+    bright, on = 1 + state[count], np.where(used, 1.0, 0.0)
     total, by_place = light_by_place(model, at, lit)
-    jacobian, left = np.empty((COUNT, count + 2)), np.empty(COUNT)
+    left = (reading - offset - bright * total - state[count + 1]) / model.sigma
+    jacobian = np.empty((COUNT, count + 2))
+    by_u, by_v = on * bright * by_place[0], on * bright * by_place[1]
     for k in range(COUNT):
-        by_u, by_v = bright * by_place[0, k], bright * by_place[1, k]
-        left[k] = (reading[k] - offset[k] - bright * total[k] - state[count + 1]) / model.sigma
-        on = 1.0 if used[k] else 0.0
         for j in range(count):
-            jacobian[k, j] = on * (by_u * model.by_mode[0, k, j] + by_v * model.by_mode[1, k, j])
-        jacobian[k, count] = on * total[k] / model.sigma
-        jacobian[k, count + 1] = on / model.sigma
+            jacobian[k, j] = by_u[k] * model.by_mode[0, k, j] + by_v[k] * model.by_mode[1, k, j]
+    jacobian[:, count], jacobian[:, count + 1] = on * total / model.sigma, on / model.sigma
     if fresh:
-        information = jacobian.T @ jacobian
-        for j in range(count + 2):
-            information[j, j] += model.prior[j]
-        covariance[:] = np.linalg.inv(information)
+        covariance[:] = np.linalg.inv(jacobian.T @ jacobian + np.diag(model.prior))
     step = covariance @ (jacobian.T @ left - model.prior * state)
-    rest = left - jacobian @ step
-    for k in range(COUNT):
-        if not used[k]:  # its own residual all the same: it may have come back
-            rest[k] = left[k]
+    left = left - jacobian @ step
     moved = max(np.abs(model.by_mode[0] @ step[:count]).max(), np.abs(model.by_mode[1] @ step[:count]).max())
     state = state + step
-    return Fit(state, look(model, state[:count]), rest, moved, 1.4826 * np.median(np.abs(rest)[used]))
+    return Fit(state, look(model, state[:count]), left, moved, 1.4826 * np.median(np.abs(left)[used]))

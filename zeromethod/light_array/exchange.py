@@ -1,4 +1,4 @@
-"""Levels out, readings in: what was sent, and arrays that say nothing, start again or are lost."""
+"""Levels out, readings in; copes with arrays that fall silent, start again or are lost."""
 
 from __future__ import annotations
 
@@ -11,12 +11,13 @@ from zeromethod.light_array.devices import ArraysLost, Counts, LightArrays, Read
 from zeromethod.loop.state import State
 
 _REMEMBERED = 256
-"""Levels sent that readings may still show."""
+"""So many of the newest levels sent are remembered: readings may still show them."""
 
 _RESTARTED = 20
-"""Readings in a row whose numbers are not above the last, by which the arrays have started again."""
+"""After so many consecutive readings with numbers not above the last, the arrays have started again."""
 
 _TIMEOUT_S, _RETRY_S = 0.1, 0.2
+"""How long each wait for readings takes; pause between attempts to open lost arrays."""
 
 Record = Callable[..., None]
 """Takes rows for a recording: the name of its table ("readings", "levels", "depth"), then the columns."""
@@ -27,15 +28,15 @@ def no_record(*_row: Any) -> None:
 
 
 class GivenUp(Exception):
-    """The arrays cannot be had any more, or the run was stopped; the state says why."""
+    """The arrays cannot be reached any more, or the run was stopped; `Exchange.trouble` says why."""
 
 
 class Exchange:
-    """What goes to the arrays and comes from them.
+    """Sends levels to the arrays and takes their readings, in order.
 
     counts: events so far, by name. trouble: state and reason while readings are missing, else None. last:
-    the newest readings. shift_ns: by how much the clock jumped where arrays started again. notes: for the
-    next step.
+    the newest readings. shift_ns: by how much the arrays' clock jumped when they started again. notes: for
+    the operator, in the next step. stopped: set to end the run.
     """
 
     def __init__(self, arrays: LightArrays, reopen_s: float, record: Record) -> None:
@@ -70,7 +71,10 @@ class Exchange:
             self._lost(str(error))
 
     def measure(self, wanted: Sequence[Counts]) -> list[Readings | None]:
-        """Have levels lit, one after the other; the readings of each. Raises GivenUp where none come."""
+        """Have levels lit, one after the other; return the readings of each, None where they were lost.
+
+        Raises GivenUp where none come at all.
+        """
         first = self._number + 1
         found: list[Readings | None] = [None] * len(wanted)
         for k in range(len(wanted) + _REMEMBERED // 4):
@@ -95,7 +99,7 @@ class Exchange:
         raise GivenUp
 
     def next(self) -> Readings | None:
-        """Return the next readings; None after a time without, or for late ones. Raises GivenUp."""
+        """Return the next readings; None for late ones, or where none came in time. Raises GivenUp."""
         try:
             got = self.arrays.receive(_TIMEOUT_S)
         except ArraysLost as error:
@@ -123,7 +127,7 @@ class Exchange:
         return got
 
     def _silent(self) -> None:
-        """Say how long nothing came; send the newest levels again."""
+        """Note how long nothing came; send the newest levels again."""
         self.counts["times without readings"] += not self._silent_s
         silent_s = self._silent_s = self._silent_s + _TIMEOUT_S
         self.trouble = State.HOLDING, f"no readings for {silent_s:.1f} s: power, cable, address"
@@ -133,13 +137,13 @@ class Exchange:
             self.arrays.send(*self._sent[-1])
 
     def _restarted(self, got: Readings, last: Readings) -> None:
-        """Go on with arrays that count from the start again, and whose clock may, too."""
+        """Go on with arrays that count from 0 again, and whose clock may do so, too."""
         self.counts.update({"arrays started again": 1, "readings lost": self._backwards - 1})
         self.notes += ("the arrays started again: readings go on by what was measured before",)
         self.shift_ns += got.time_ns - last.time_ns
 
     def _lost(self, why: str) -> None:
-        """Try to open what was lost, for as long as the rig says."""
+        """Try to open lost arrays again, for as long as the rig says."""
         self.counts["arrays lost"] += 1
         until = time.monotonic() + self._reopen_s
         while not self.arrays.reopen():

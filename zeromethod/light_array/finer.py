@@ -1,4 +1,4 @@
-"""Dents finer than the modes of depth: found by what they leave over in readings, and how much they hide."""
+"""Dents finer than the modes of depth: found in the residuals of the fit, and how much depth they hide."""
 
 from __future__ import annotations
 
@@ -15,34 +15,38 @@ from zeromethod.light_array.rig import LightArrayRig
 from zeromethod.light_array.start import Start, footprints
 
 _STEP_MM = 1.0
-"""Pitch on which what the modes miss of a dent is looked for."""
+"""Pitch of the points on which the depth that the modes miss of a dent is worked out."""
 
 _NARROWEST_MM = 1.5
-"""Sigma of the narrowest dents that are looked for: narrower ones may lie between the places looked at."""
+"""Sigma of the narrowest dents that are looked for: narrower ones may lie between the detectors' places."""
 
 _WIDTHS = 5
-"""Sigmas tried, from the narrowest to those that the modes read."""
+"""So many widths of dents are tried, from the narrowest to those that the modes read."""
 
 _SEEN = 1e-3
-"""Square of a template, in variances of a reading, below which nothing is seen of it."""
+"""Sum of a template's squares, in variances of a reading, below which it cannot be seen."""
 
-_MEANT = 0.8
-"""Share of its evidence that a channel which is off has against a dent: dents are tried on a lattice only."""
+_CHANNEL_SHARE = 0.8
+"""A dent must have at least this share of the evidence for a failed channel: a true dent lies between those
+that are tried, and so has less evidence than it should."""
 
 _TRUE_TO = 50.0
-"""Evidence (square of sigmas) from which dents tried differ from true ones by more than noise."""
+"""Evidence, in squares of sigmas, above which a true dent differs from the nearest one tried by more than
+noise does: then evidence is taken for less."""
 
 _SURE = 30.0
-"""Evidence from which there is such a dent: noise reaches it once in 10,000 readings."""
+"""Evidence, in squares of sigmas, from which a dent is certain: noise reaches it once in 10,000 readings."""
 
 _MOST = 64
-"""Dents, of those that explain a residual, that a map's sigma takes."""
+"""So many of the dents that explain a residual, at most, go into a map's sigma."""
 
 
 class Finer(NamedTuple):
-    """What may hide. sure: there is a finer dent, at x_mm, y_mm; hidden_mm: depth that the modes may miss.
+    """What finer dents may hide.
 
-    dents, amplitude_mm: (n,) those that explain something, each as if it alone were there.
+    sure: there certainly is one, at x_mm, y_mm. hidden_mm: standard deviation of the depth that the modes
+    miss. dents, amplitude_mm: (n,) numbers and depths of those that explain the residual, each as if it were
+    the only one.
     """
 
     sure: bool
@@ -54,7 +58,10 @@ class Finer(NamedTuple):
 
 
 class FinerDents:
-    """Dents of sigma 1.5 mm and more, everywhere in view, as the residual of readings would show them."""
+    """Dents of sigma 1.5 mm and more, everywhere in view, and the residual that each would leave.
+
+    The same is worked out for each detector and each LED that fails: together they are the templates.
+    """
 
     def __init__(self, rig: LightArrayRig) -> None:
         self._modes, self._frame = Modes.of(rig), (rig.frame.x_mm, rig.frame.y_mm)
@@ -66,7 +73,7 @@ class FinerDents:
         self._grid = np.mgrid[low[0] : high[0] : _STEP_MM, low[1] : high[1] : _STEP_MM].reshape(2, -1).T
 
     def _fields(self, points_mm: Float, which: Ints) -> Float:
-        """(3, n, k) depth and slopes of dents, 1 mm deep, with their images in the frame, at points."""
+        """(3, n, k) depth and slopes at points (n, 2) of k dents, 1 mm deep, with their images."""
         parts = []
         for axis, (low, high) in enumerate(self._frame):
             place, sigma = self._places[which, axis], self._sigma[which]
@@ -82,7 +89,7 @@ class FinerDents:
 
     def begin(self, start: Start) -> None:
         """Take the light at rest, and which detectors are read, as measured at the start."""
-        count, alive, model = len(self._modes.size_mm), start.detector > 0, start.model
+        count, alive, model = len(self._modes.size_mm), np.isfinite(start.detector), start.model
         lit = start.led * start.levels / FULL_SCALE
         _, by_place = light_by_place(model, look(model, np.zeros(count)), lit)
         modes, dents = (np.einsum("ik,ikn->kn", by_place, by) for by in (model.by_mode, self._moved))
@@ -97,13 +104,13 @@ class FinerDents:
         self.use(alive)
 
     def use(self, alive: Mask) -> None:
-        """Take it that these detectors (256,) alone are read."""
+        """From now on, only these detectors (256,) are read."""
         self._shown = np.ascontiguousarray(self._left * alive, np.float32)
         power = np.sum(self._shown**2, axis=1, dtype=float)
         self._variance = np.divide(1.0, power, out=np.zeros(len(power)), where=power > _SEEN)
 
     def _evidence(self, left: Float, frames: int) -> tuple[Float, Float]:
-        """Size of each template in a mean residual, and its square in its own variances."""
+        """Size of each template in a mean residual of so many frames; its evidence, in squares of sigmas."""
         share = (self._shown @ left.astype(np.float32)).astype(float)
         return share * self._variance, frames * share**2 * self._variance
 
@@ -117,10 +124,10 @@ class FinerDents:
         return best % COUNT, best >= COUNT
 
     def find(self, left: Float, frames: int) -> Finer:
-        """What may hide behind the mean residual (256,), in sigmas of one reading, of so many frames."""
+        """What may hide, by the mean residual (256,) of so many frames, in sigmas of one reading."""
         share, evidence = self._evidence(left, frames)
         dents = len(self._sigma)
-        channel = _MEANT * max(frames * float(np.max(left**2)), float(evidence[dents:].max()))
+        channel = _CHANNEL_SHARE * max(frames * float(np.max(left**2)), float(evidence[dents:].max()))
         share, evidence, variance = share[:dents], evidence[:dents], self._variance[:dents]
         best = int(np.argmax(evidence))
         top = float(evidence[best])
@@ -135,7 +142,7 @@ class FinerDents:
         return Finer(top > max(_SURE, channel), float(mean), float(x), float(y), kept, share[kept])
 
     def hidden(self, finer: Finer, points_mm: Float, fields: Float) -> Float:
-        """(3, n) depth, mm, and slopes along x and y that may hide at points (n, 2).
+        """(3, n) standard deviations of depth, mm, and slopes along x and y that may hide at points (n, 2).
 
         fields: (3, n, modes) of `Modes.derivatives` there.
         """
@@ -144,7 +151,7 @@ class FinerDents:
 
 
 def _dents(view: Float, widest_mm: float) -> tuple[Float, Float]:
-    """Places (n, 2) and sigmas (n,) of dents to be tried."""
+    """Places (n, 2) and sigmas (n,), mm, of the dents that are tried."""
     places, sigmas = [], []
     for sigma in np.geomspace(_NARROWEST_MM, max(widest_mm, 1.1 * _NARROWEST_MM), _WIDTHS):
         axes = [

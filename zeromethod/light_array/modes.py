@@ -1,8 +1,7 @@
-"""The surfaces that depth is read in: sines within the frame, 0 along it, the longest waves first.
+"""The surfaces that depth is a sum of: sines within the frame, 0 along its border, longest waves first.
 
-A mirror full of dents of sigma w, each with its images in the frame, has in a sine of wave number k a
-variance that falls as exp(-k^2 w^2). Coefficients are in units of that standard deviation, so that the prior
-of each is 1.
+In a mirror full of dents of sigma w, the variance of a sine of wave number k falls as exp(-k^2 w^2). Each
+coefficient is in units of that standard deviation, so that its prior standard deviation is 1.
 """
 
 from __future__ import annotations
@@ -15,12 +14,16 @@ from zeromethod.arrays import Float
 from zeromethod.light_array.rig import LightArrayRig
 
 _MOST = 64
-"""Half waves along each side that are looked at, and that stand for all that the modes leave out."""
+"""Most half waves along each side of the frame."""
 
 
 @dataclass(frozen=True)
 class Modes:
-    """Modes of depth. wave: (2, modes) wave numbers along x and y, rad/mm; size_mm: (modes,)."""
+    """Modes of depth.
+
+    corner_mm: (2,) corner of the frame. wave: (2, modes) wave numbers along x and y, rad/mm. size_mm:
+    (modes,) prior standard deviation of each.
+    """
 
     corner_mm: Float
     wave: Float
@@ -28,7 +31,7 @@ class Modes:
 
     @classmethod
     def of(cls, rig: LightArrayRig, count: int | None = None) -> Modes:
-        """Modes of a rig, `count` of them in place of as many as it asks for."""
+        """Modes of a rig: `count` of them, by default as many as it asks for."""
         (x0, x1), (y0, y1) = rig.frame.x_mm, rig.frame.y_mm
         side = np.array([x1 - x0, y1 - y0])
         halves = np.stack([part.ravel() for part in np.meshgrid(*2 * [np.arange(1, _MOST + 1)])])
@@ -36,14 +39,13 @@ class Modes:
         square = np.sum(wave**2, axis=0)
         first = np.argsort(square, kind="stable")[: count or rig.reading.modes]
         width, depth = rig.reading.dent_mm, rig.reading.depth_mm
-        # so that the depths of all of them add up to `depth` rms
+        # the depths of all modes together are `depth` rms
         size = 4 * depth * width * np.sqrt(np.pi / np.prod(side)) * np.exp(-square[first] * width**2 / 2)
         return cls(np.array([x0, y0]), wave[:, first], size)
 
     def depth(self, points_mm: Float) -> Float:
         """(n, modes) depth of each mode at points (n, 2), mm."""
-        x, y = ((points_mm[:, k, None] - self.corner_mm[k]) * self.wave[k] for k in (0, 1))
-        return np.asarray(self.size_mm * np.sin(x) * np.sin(y))
+        return np.asarray(self.derivatives(points_mm)[0])
 
     def derivatives(self, points_mm: Float) -> Float:
         """(6, n, modes): depth, d/dx, d/dy, d2/dx2, d2/dxdy, d2/dy2, in mm."""

@@ -153,12 +153,13 @@ class LightArrayRig(Table):
                 raise refused(f"frame.{key}", list(opening), f"on the mirror, {low:g} to {high:g} mm")
         return self
 
-    def changed(self, **tables: dict[str, Any] | str) -> LightArrayRig:
-        """Rig with other values of its tables, checked: `changed(simulation={"seed": 1})`."""
+    def changed(self, scenario: str | None = None, **tables: dict[str, Any]) -> LightArrayRig:
+        """Rig with other values, checked: `changed(simulation={"seed": 1})`; None keeps the rig's own."""
         data = json.loads(self.model_dump_json(exclude_unset=True))
         for name, values in tables.items():
-            data[name] = {**data.get(name, {}), **values} if isinstance(values, dict) else values
-        return checked(data, "rig")
+            given = {key: value for key, value in values.items() if value is not None}
+            data[name] = data.get(name, {}) | given
+        return checked(data | {"scenario": scenario or self.scenario}, "rig")
 
 
 def checked(data: dict[str, Any], where: str | Path) -> LightArrayRig:

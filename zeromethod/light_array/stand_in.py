@@ -90,7 +90,7 @@ def stand_in(
         arrays = load_light_array(rig)
         if arrays is None:
             raise InputError(f"--rig: {rig}: a rig of arrays")
-        device = SimulatedArrays(arrays.changed(**({} if scenario is None else {"scenario": scenario})))
+        device = SimulatedArrays(arrays.changed(scenario))
         _serve(_Line(address), device, lose, broken, stall, end, wait_s)
     except KeyboardInterrupt:
         click.echo("interrupted", err=True)

@@ -10,7 +10,7 @@ import numpy as np
 from zeromethod.arrays import Float
 from zeromethod.errors import MeasurementError
 from zeromethod.light_array.devices import FULL_SCALE, Counts, Readings
-from zeromethod.light_array.estimate import Light, Model, look, seen
+from zeromethod.light_array.estimate import Light, Model, each_led, look, seen
 from zeromethod.light_array.optics import COUNT
 from zeromethod.light_array.rig import SIDE, LightArrayRig
 
@@ -19,12 +19,15 @@ _ROUNDS, _MOST_ROUNDS = 8, 24
 """How often each LED is lit alone, and at most where readings are lost."""
 
 _FITS, _STEP = 2, 0.01
-"""Rounds of places and gains by turns; LED pitches by which places are moved to see what that does."""
+"""How often places and gains are fitted in turn; by how many LED pitches places are moved to find out what
+that changes."""
 
 _TURNS = 400
-"""Turns of LEDs' and detectors' gains: what neighbours share takes hundreds to find."""
+"""How often gains of LEDs and of detectors are fitted in turn: errors that neighbours share take hundreds."""
 
 _FEWEST = 4
+"""Readings of one LED alone, or of one mean, at the least."""
+
 _DEAD = 0.2
 """Gain, over the median, below which a channel is dead."""
 
@@ -33,15 +36,16 @@ _SATURATED = 0.98
 _FEWEST_ALIVE = 0.5
 
 Exchange = Callable[[Sequence[Counts]], list[Readings | None]]
-"""Have levels lit, one after the other; the readings that show each of them, None where they were lost."""
+"""Has levels lit, one after the other; returns the readings of each, None where they were lost."""
 
 
 @dataclass(frozen=True)
 class Start:
-    """What the arrays are like. model: with the places that detectors are seen to look at.
+    """What the arrays are like, measured with the mirror at rest.
 
-    led, detector: gains (256,), 0 for dead ones. dark: (256,) of full scale. offset: (256,) what readings at
-    rest have that the optics have not. rest: (256,) readings at rest, over the gains. levels: (256,) at rest.
+    model: with the places that detectors were found to look at. led: (256,) gains, 0 for dead ones. detector:
+    (256,) gains, infinite for those left out. dark: (256,) readings without light, of full scale. rest:
+    (256,) light at rest. offset: (256,) by how much that is more than the model says. levels: (256,) at rest.
     faults: names of channels left out, and why.
     """
 
@@ -56,8 +60,7 @@ class Start:
 
     def reading(self, counts: Counts) -> Float:
         """(256,) light by counts; 0 where a detector is left out."""
-        gain = np.where(self.detector > 0, self.detector, np.inf)
-        return np.asarray((counts / FULL_SCALE - self.dark) / gain)
+        return np.asarray((counts / FULL_SCALE - self.dark) / self.detector)
 
 
 def levels_at_rest(rig: LightArrayRig) -> Counts:
@@ -69,7 +72,7 @@ def levels_at_rest(rig: LightArrayRig) -> Counts:
 
 
 def measure_start(rig: LightArrayRig, model: Model, exchange: Exchange) -> Start:
-    """Measure what the arrays are like, the mirror at rest. Raises MeasurementError where it cannot."""
+    """Measure what the arrays are like, with the mirror at rest. Raises MeasurementError where it cannot."""
     dark = _mean(exchange, np.zeros(COUNT, np.uint16), _DARK_FRAMES)
     total, times = np.zeros((COUNT, COUNT)), np.zeros(COUNT)
     for round_ in range(_MOST_ROUNDS):
@@ -92,10 +95,11 @@ def measure_start(rig: LightArrayRig, model: Model, exchange: Exchange) -> Start
     faults |= {f"LED {k}": "dead" for k in np.flatnonzero(led == 0)}
     if min(np.mean(led > 0), np.mean(detector > 0)) < _FEWEST_ALIVE:
         raise MeasurementError("the arrays: more than half of the LEDs or detectors are dead")
+    detector = np.where(detector > 0, detector, np.inf)
     levels = np.where(led > 0, levels_at_rest(rig), 0).astype(np.uint16)
-    rest = (_mean(exchange, levels, _REST_FRAMES) - dark) / np.where(detector > 0, detector, np.inf)
-    offset = rest - seen(_at_rest(model), led * levels / FULL_SCALE)
-    return Start(model, led, detector, dark, np.where(detector > 0, offset, 0.0), rest, levels, faults)
+    rest = (_mean(exchange, levels, _REST_FRAMES) - dark) / detector
+    offset = np.where(np.isfinite(detector), rest - seen(_at_rest(model), led * levels / FULL_SCALE), 0.0)
+    return Start(model, led, detector, dark, offset, rest, levels, faults)
 
 
 def _at_rest(model: Model) -> Light:
@@ -105,12 +109,14 @@ def _at_rest(model: Model) -> Light:
 
 def footprints(model: Model) -> Float:
     """(detectors, LEDs) light of each LED alone, at rest."""
-    light = _at_rest(model)
-    return np.array([seen(light, one) for one in np.eye(COUNT)]).T
+    return each_led(_at_rest(model))
 
 
 def _placed(model: Model, response: Float, led: Float, detector: Float) -> Model:
-    """Model whose detectors, an array moved as a whole, look where responses to LEDs alone say."""
+    """Model whose detectors look where responses (detectors, LEDs) to each LED alone say.
+
+    All of them are moved together: shifted, stretched or turned, as one array is.
+    """
     expected = footprints(model) * led
     row, column = np.divmod(np.arange(COUNT), SIDE)
     moves = np.stack([np.ones(COUNT), column / SIDE - 0.5, row / SIDE - 0.5], axis=1)
@@ -137,7 +143,7 @@ def _mean(exchange: Exchange, levels: Counts, frames: int) -> Float:
 
 
 def _gains(response: Float, expected: Float, turns: int = _TURNS) -> tuple[Float, Float]:
-    """Gains of LEDs and detectors by which what is expected fits responses (detectors, LEDs) best."""
+    """Gains of LEDs and detectors that make expected responses (detectors, LEDs) fit the measured ones."""
     both, square, led = expected * response, expected**2 + _TINY, np.ones(COUNT)
     for _ in range(turns):
         detector = both @ led / (square @ led**2)

@@ -9,16 +9,17 @@ from zeromethod.arrays import Float, Mask
 from zeromethod.rubbing.spots import Spots
 
 _NEAR_PX = 6
-"""A spot has not ended where another begins so near."""
+"""A spot that is missing has not ended if there is another spot within this distance."""
 _LEAST_PX = 20
-"""Size of the spots that count: smaller ones come and go with the noise."""
+"""Area of the smallest spots that count, pixels: smaller ones come and go with the noise."""
 _LEAST_ENDED = 3
 
 
 class SpotLife:
-    """Mean life of spots by those that ended; of those that left or still touch the time alone counts.
+    """Mean time that a spot stays in contact: time that spots were seen, over the number that ended.
 
-    A spot has ended where it is missing in two frames in a row.
+    Spots that left the view, or still touch, add to the time only. A spot has ended when it is missing in two
+    consecutive frames.
     """
 
     def __init__(self) -> None:
@@ -26,7 +27,7 @@ class SpotLife:
         self._missing: Float = np.zeros((0, 2))
 
     def add(self, before: Spots, after: Spots, way_mm: Float, seconds: float) -> None:
-        """Take two frames between which the texture moved by `way_mm` (2,)."""
+        """Add two consecutive frames, between which the texture moved by `way_mm` (2,)."""
         seen, there = _looked_for(self._missing + way_mm, after)
         self._ended += int(np.count_nonzero(seen & ~there))
         large = ~before.cut & (before.sizes_mm2 > _LEAST_PX * before.pitch_mm**2)
@@ -36,7 +37,7 @@ class SpotLife:
         self._missing = places[seen & ~there]
 
     def mean_s(self) -> tuple[float, float] | str:
-        """(mean life, its standard deviation), or why it is not known."""
+        """(mean life, its standard deviation), s, or why it is not known."""
         if self._ended < _LEAST_ENDED:
             return f"life: fewer than {_LEAST_ENDED} spots ended in view"
         life = self._seconds / self._ended
@@ -44,7 +45,7 @@ class SpotLife:
 
 
 def _looked_for(places_mm: Float, spots: Spots) -> tuple[Mask, Mask]:
-    """(n,) whether places (n, 2) are in view, and whether a spot lies there."""
+    """(n,) whether places (n, 2) are in the area looked at, and whether a spot is there."""
     at = np.rint((places_mm - np.array([spots.x_mm, spots.y_mm])) / spots.pitch_mm).astype(int)
     rows, cols = spots.cover.shape
     inside = (at >= 0).all(axis=1) & (at[:, 0] < cols) & (at[:, 1] < rows)

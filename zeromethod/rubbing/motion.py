@@ -12,23 +12,29 @@ from zeromethod.arrays import Float, Mask, Single
 from zeromethod.rubbing.spots import Spots
 
 _LEAST_OVERLAP = 0.3
-"""Of the smaller area looked at, common to both images."""
+"""Least overlap of the areas looked at in both images, as a share of the smaller one."""
 _LEAST_LIKE = 0.3
-"""Correlation below which the texture is not known again."""
+"""Correlation below which the texture of the first image was not found in the second."""
 _SIGMAS = 4.0
-"""Standard deviations by which the best place must be likelier than any other to be clear."""
+"""The best shift is clear if its correlation is higher than any other by so many standard deviations."""
 PLACED_MM, PLACED_SHARE = 0.003, 0.01
-"""Standard deviation of images' own places, from frame to frame and over a way."""
+"""Standard deviation of an image's place on the mirror: mm, and as a share of the distance moved."""
 _SUNK_SHARE = 0.6
-"""Standard deviation over what a change of depth moved an image by: none of that may be real, or all."""
+"""Standard deviation as a share of the shift that a change of the mirror's depth makes: the depth inside a
+contact is not measured, so that none of this shift may be real, or all."""
 _BLUR_PX = 1.5
 _PASSES = 4
 _ALIKE_PX2, _ALIKE_HALVES = 30.0, 8.0
-"""Pixels whose errors go together, those along a spot's border, and pixels twice as large."""
+"""So many pixels have errors in common, those along one spot's border: in the image, and in the one of half
+the resolution."""
 
 
 class Moved(NamedTuple):
-    """dx_mm, dy_mm: from the first image to the second; sigma_mm: of each; clear: nowhere else is likely."""
+    """Movement from the first image to the second.
+
+    sigma_mm: standard deviation of each of dx_mm, dy_mm. clear: no other movement explains the images nearly
+    as well.
+    """
 
     dx_mm: float
     dy_mm: float
@@ -37,10 +43,13 @@ class Moved(NamedTuple):
 
 
 def moved(first: Spots, second: Spots, about_mm: Float | None = None) -> Moved | None:
-    """How far the texture moved, about `about_mm` (2,) where that is given; None where it is not found.
+    """How far the texture moved from one image to the other; None where it is not found again.
 
-    Both images are placed as if the mirror had not changed its depth, which is carried in from around and may
-    be off; what it seems to have changed by is in sigma.
+    about_mm: (2,) a first estimate; without one, all shifts are tried.
+
+    Where on the mirror a pixel lies depends on the mirror's depth. Inside a contact that depth is not
+    measured but interpolated from around it. So both images are placed as if it had not changed, and
+    `_SUNK_SHARE` of the shift that its change would make is added to sigma.
     """
     pitch = first.pitch_mm
     smooth = _smooth(first.cover)
@@ -51,7 +60,7 @@ def moved(first: Spots, second: Spots, about_mm: Float | None = None) -> Moved |
     if about_mm is not None:
         shift = (about_mm - origin) / pitch
     else:
-        # what is smooth has all its shape on every other pixel
+        # every other pixel is enough: the images are smooth
         every = np.s_[::2, ::2]
         likeness = correlation(smooth[every], first.looked[every], other[every], looked[every])
         found = _best(likeness, smooth[every].shape)
@@ -67,14 +76,14 @@ def moved(first: Spots, second: Spots, about_mm: Float | None = None) -> Moved |
 
 
 def _best(found: tuple[Float, Float] | None, shape: tuple[int, ...]) -> tuple[Float, bool] | None:
-    """((2,) px that the best place is off, whether no other is nearly as good)."""
+    """((2,) px, the best shift; whether no other is nearly as good)."""
     if found is None:
         return None
     likeness, common = _tops(found[0]), found[1]
     peak = np.unravel_index(int(np.argmax(likeness)), likeness.shape)
     if likeness[peak] < _LEAST_LIKE:
         return None
-    # Fisher's z has a standard deviation of its own, whatever the correlation
+    # Fisher's z-transform: its standard deviation depends on the number of pixels only
     sure = np.arctanh(np.clip(likeness, -0.99, 0.99))
     own = _around_peak(likeness, peak)
     open_by = np.sqrt(
@@ -87,7 +96,7 @@ def _best(found: tuple[Float, Float] | None, shape: tuple[int, ...]) -> tuple[Fl
 
 
 def _tops(likeness: Float) -> Float:
-    """With local maxima as high as they are between pixels: by a parabola along either axis."""
+    """Correlation in which each local maximum has the height that it has between pixels, by parabolas."""
     top = likeness == cv2.dilate(likeness, np.ones((3, 3), np.uint8))
     top[[0, -1]] = top[:, [0, -1]] = False
     row, col = np.nonzero(top & (likeness > 0))
@@ -107,7 +116,7 @@ def _smooth(cover: Single) -> Single:
 
 
 def _on_pitch_of(spots: Spots, pitch_mm: float) -> tuple[Single, Mask]:
-    """(smooth cover, looked) on pixels of another side, from the same first pixel on."""
+    """(smooth cover, looked) resampled to pixels of `pitch_mm`; the first pixel stays where it is."""
     scale = spots.pitch_mm / pitch_mm
     rows, cols = (int(np.ceil((n - 1) * scale)) + 1 for n in spots.cover.shape)
     turn = np.array([[scale, 0, 0], [0, scale, 0]], dtype=np.float64)
@@ -117,9 +126,10 @@ def _on_pitch_of(spots: Spots, pitch_mm: float) -> tuple[Single, Mask]:
 
 
 def correlation(first: Single, looked: Mask, other: Single, other_looked: Mask) -> tuple[Float, Float] | None:
-    """(correlation over what both look at, by shift; pixels that they do); None where these never suffice.
+    """(correlation of two images for every shift, pixels compared); None where these are too few.
 
-    Element (first's rows - 1 + i, first's cols - 1 + j): `first` at (r, c) against `other` at (r + i, c + j).
+    Only pixels that are looked at in both images count. Element (first's rows - 1 + i, first's cols - 1 + j):
+    `first` at (r, c) against `other` at (r + i, c + j).
     Source: Padfield 2012, doi:10.1109/TIP.2011.2181402.
     """
     shape = [a + b - 1 for a, b in zip(first.shape, other.shape, strict=True)]
@@ -148,7 +158,7 @@ def correlation(first: Single, looked: Mask, other: Single, other_looked: Mask) 
 
 
 def _around_peak(likeness: Float, peak: tuple[np.intp, ...]) -> Mask:
-    """What hangs together with the best place above half of it, and a little around."""
+    """The best shift, those connected with it that have over half its correlation, and one pixel around."""
     above = (likeness > 0.5 * likeness[peak]).astype(np.uint8)
     _, labels = cv2.connectedComponents(above)
     own = (labels == labels[peak]).astype(np.uint8)
@@ -158,7 +168,7 @@ def _around_peak(likeness: Float, peak: tuple[np.intp, ...]) -> Mask:
 def _refined(
     smooth: Single, smooth_looked: Mask, other: Single, looked: Mask, shift: Float
 ) -> tuple[Float, float] | None:
-    """(shift px, its sigma): least squares of the second image, moved back, against the first."""
+    """(shift, its sigma), px: fitted so that the second image, shifted back, is as the first."""
     rows, cols = smooth.shape
     rim = np.ones((2 * round(2 * _BLUR_PX) + 1,) * 2, np.uint8)
     own, others = (cv2.erode(one.view(np.uint8), rim, borderValue=0) for one in (smooth_looked, looked))

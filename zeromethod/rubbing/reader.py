@@ -1,4 +1,4 @@
-"""The state of contact of what rubs along the mirror, from the images of its contact, frame after frame."""
+"""Reads the contact status of a texture that rubs along the mirror from images of its contact."""
 
 from __future__ import annotations
 
@@ -18,22 +18,23 @@ from zeromethod.rubbing.spots import Spots, spots_of
 from zeromethod.rubbing.status import ContactStatus, Motion
 
 _LONGEST = 6
-"""Frames over which a speed is taken, at most."""
+"""Speed is measured over so many frames, at most."""
 _MOVES = 4.0
-"""Standard deviations from one frame to the next from which on it slips."""
+"""A movement from frame to frame of more standard deviations than these is slip."""
 _NAMED, _SURE = 2, 3.0
-"""Frames in a row that say so before stick or slip is named; one, where it is so many times as clear."""
+"""Consecutive frames that must agree before stick or slip is reported. One is enough where the movement, now
+or in the frame before, is so many times the limit of slip."""
 _UNSEEN_S = 0.1
-"""How long the texture may be unseen, as while the LCD does not light it, and yet be known again."""
+"""How long the texture may be out of sight, as when the LCD does not light it, and still be followed."""
 _TOGETHER_MM = 0.05
-"""Difference of a way from the sum of its steps from which on it is not the same."""
+"""A movement over several frames that differs more from the sum of their movements is not used."""
 _BORDER_MM = 0.5
-"""How far the border's place may be off: it jitters, and what was lit has no carrier for a while."""
+"""How far off the contact's border may be: it jitters, and is unseen for a while where the LCD was white."""
 _NO_MODULUS = "force: not read"
 
 
 class _Seen(NamedTuple):
-    """way_mm: (2,) since the frame before. place_mm: (2,) of the contact, by its border."""
+    """A frame. way_mm: (2,) movement since the frame before. place_mm: (2,) of the contact, by its border."""
 
     time_ns: int
     spots: Spots
@@ -42,7 +43,7 @@ class _Seen(NamedTuple):
 
 
 class RubbingReader:
-    """Reads the contact status of frames in turn, of the largest contact. Serves one thread."""
+    """Reads the contact status of the largest contact, frame by frame. Not for several threads."""
 
     def __init__(self, blur_px: float) -> None:
         """blur_px: standard deviation of a border's blur (`zeromethod.contact.border_blur_px`)."""
@@ -114,7 +115,7 @@ class RubbingReader:
     def _moving(
         self, status: ContactStatus, new: _Seen, exposure_s: float, reasons: list[str]
     ) -> ContactStatus:
-        """With motion and speed."""
+        """The status with motion and speed."""
         last = self._seen[-1] if self._seen else None
         if last is None:
             self._seen.append(new)
@@ -123,7 +124,7 @@ class RubbingReader:
         step = moved(last.spots, new.spots)
         if step is None:
             self._lose(new)
-            reasons.append("speed: the texture is not known again")
+            reasons.append("speed: the texture was not recognised")
             return status
         way = np.array([step.dx_mm, step.dy_mm])
         self._seen.append(new._replace(way_mm=way))
@@ -141,13 +142,13 @@ class RubbingReader:
         blurred = far / seconds * exposure_s > gap
         aliased = far > half or blurred or not clear
         if not clear:
-            reasons.append("aliased: it is as likely to have gone elsewhere")
+            reasons.append("aliased: other movements are as likely")
         status = replace(
             status, motion=self._motion, event=event, aliased=aliased,
             began_s=1e-9 * (new.time_ns - self._since_ns),
         )  # fmt: skip
         if self._changed:
-            reasons.append("speed: it began or halted within this frame")
+            reasons.append("speed: it started or stopped since the last frame")
             return status
         speed, sigma = self._speed(step.sigma_mm)
         size = float(np.hypot(*speed))
@@ -158,18 +159,21 @@ class RubbingReader:
         return replace(status, direction_deg=direction, sigma_direction_deg=float(np.degrees(sigma / size)))
 
     def _foreseen(self, way: Float, half_mm: float) -> bool:
-        """Whether it goes on as in the step before, where that was clear."""
+        """Whether it moved nearly as in the frame before, where that was clear."""
         return self._step is not None and float(np.hypot(*(way - self._step))) < 0.5 * half_mm
 
     def _with_border(self, half_mm: float) -> bool:
-        """Whether the contact's border went as far: if each step were a pitch off, they would part."""
+        """Whether the contact's border moved as far as the texture.
+
+        If the texture were taken for its neighbour, a pitch off in each frame, the two would drift apart.
+        """
         steps = len(self._seen) - 1
         way = np.sum([one.way_mm for one in self._seen][1:], axis=0)
         apart = float(np.hypot(*(self._seen[-1].place_mm - self._seen[0].place_mm - way)))
         return apart < half_mm * steps and half_mm * steps > _BORDER_MM
 
     def _speed(self, sigma_mm: float) -> tuple[Float, float]:
-        """((2,) mm/s, sigma) since it moves as it does, over some frames."""
+        """((2,) mm/s, sigma) over the last frames with the same motion."""
         first, last = self._seen[0], self._seen[-1]
         seconds = 1e-9 * (last.time_ns - first.time_ns)
         way = np.sum([one.way_mm for one in self._seen][1:], axis=0)
@@ -181,10 +185,10 @@ class RubbingReader:
         return way / seconds, sigma_mm / seconds
 
     def _named(self, says: Motion, *, sure: bool) -> str:
-        """What is named in this frame, "" for nothing; a new motion begins with frames that say so."""
+        """Event of this frame, "" for none: stick or slip, once enough frames agree on it."""
         changed = len(self._says) > 0 and self._says[-1] is not says
         self._says.append(says)
-        if changed or self._changed:  # the way before was another's, and that of a first step is both
+        if changed or self._changed:  # earlier movements belong to the other motion, the first partly
             self._seen = deque(list(self._seen)[-2:], self._seen.maxlen)
         self._changed = changed
         alike = len(self._says) == _NAMED and all(one is says for one in self._says)
@@ -195,7 +199,7 @@ class RubbingReader:
         return str(says) if known else ""
 
     def _lose(self, seen: _Seen) -> None:
-        """Begin to follow again."""
+        """Start again with this frame: the texture was lost."""
         self._seen.clear()
         self._seen.append(seen)
         self._says.clear()
@@ -203,7 +207,7 @@ class RubbingReader:
 
 
 def _counted(status: ContactStatus, spots: Spots) -> ContactStatus:
-    """With share, number and size of spots."""
+    """The status with share, number and size of spots."""
     share, sigma_share = spots.share
     whole = ~spots.cut
     count = np.count_nonzero(whole) + 0.5 * np.count_nonzero(spots.cut)

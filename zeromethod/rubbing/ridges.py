@@ -1,4 +1,4 @@
-"""Ridges or rows of a texture: how far apart, and which way across them."""
+"""Ridges or rows of a texture: their distance, and the direction across them."""
 
 from __future__ import annotations
 
@@ -11,13 +11,14 @@ from zeromethod.contact.stripes import refined, strongest, wave
 from zeromethod.rubbing.spots import Spots
 
 _REGULAR, _BY_CHANCE = 0.03, 1.0
-"""Share of the spectrum's power in one wave from which a texture is regular, and what n spots at random may
-have by chance, times n: pile and grains had 0.6, square arrays of 20 spots 1.7 and more."""
+"""A texture is regular if one wave has at least this share of the spectrum's power, and at least the second
+number over the number of spots: spots at random may have that much by chance. (Share times number: pile and
+grains 0.6, square arrays of 20 spots 1.7 and more.)"""
 _STRAY, _SCALE = 0.1, 0.005
-"""What strays a pitch by, relative: spots that stray from their rows, over periods in view and the root of
-their number; and the scale of an image, whose depth is carried in from around."""
+"""Relative standard deviations of a pitch. By spots that lie off their rows: in periods, of one spot. By the
+scale of the image, which depends on the mirror's depth, interpolated inside a contact."""
 _AS_STRONG = 0.5
-"""Power, over the strongest, of a way across ridges that is kept from frame to frame."""
+"""The direction of the frame before is kept while its wave has this share of the strongest one's power."""
 
 
 class Ridges(NamedTuple):
@@ -30,9 +31,10 @@ class Ridges(NamedTuple):
 
 
 def ridges_of(spots: Spots, before: Ridges | None = None) -> Ridges | str:
-    """The strongest regular distance of the spots, or why there is none.
+    """The most regular rows of the spots, or why there are none.
 
-    before: of the frame before; of two as strong ways, those of a square array, it stays the same.
+    before: those of the frame before. Of two directions that are about as strong, as in a square array, the
+    same one is kept.
     """
     away = cv2.distanceTransform(np.pad(spots.looked.astype(np.uint8), 1), cv2.DIST_L2, 3)[1:-1, 1:-1]
     weight = np.sqrt(away / away.max())

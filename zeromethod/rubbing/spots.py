@@ -13,34 +13,38 @@ from zeromethod.contact.median import median
 from zeromethod.contact.pieces import pieces
 
 RIM_MM = 1.0
-"""Rim of the contact that is not looked at: carrier fringes there are as dark as spots."""
+"""Rim of the contact that is left out: fringes of the carrier there are as dark as spots."""
 _DARKEST = 0.02
+"""Share of the pixels that are certainly dark."""
 _UNLIT = 0.6
-"""Least light, over that of the picture at rest, of rubber between spots."""
+"""Rubber between spots has at least this share of the light of the picture at rest."""
 _LIT, _LIT_SHARE, _LIT_MM, _AROUND = 1.35, 0.5, (0.4, 1.5), 2.0
-"""Light, over that at rest, of a lit place; what share of the rubber around has as much: within these
-distances, so many radii of a large spot."""
+"""Rubber that the LCD lights white has more than the first number times the light at rest. A pixel is lit if
+this share of the rubber around it is so: within the last number times the radius of a large spot, but not
+less or more than the two distances."""
 _REACH, _RING_PX = 2.0, 2
-"""How far a border is blurred, in standard deviations of the blur, and how wide what lies beside it is."""
+"""A border's blur reaches so many of its standard deviations; width of the ring beyond, in which the light
+beside a spot is measured."""
 _LEAST_PX = 5
 _FEWEST, _FEWEST_PX = 3, 400
 _MARGIN_PX = 12
 _GREY = 0.22, 0.18
-"""How much further out a spot's border seems than it is, over the standard deviation of its blur, and what is
-open of it, as steep rubber beside it is grey: none where that is wider than the blur, 0.45 where as wide."""
+"""Steep rubber beside a spot looks grey, so that its border seems further out than it is: by how much, and
+the standard deviation of that, over the standard deviation of the blur. (0 where the grey rim is wider than
+the blur, 0.45 where it is as wide.)"""
 _MIDDLE = 1.35
-"""Standard deviations of a blur in which a border goes through its middle half."""
+"""Width of the middle half of a blurred step, in standard deviations of the blur."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Spots:
     """Spots of one image.
 
-    cover: (rows, cols) share of a pixel in contact, 0 out of `looked`, the area looked at. labels: of the
-    spots in contact, 0 beside. pitch_mm, x_mm, y_mm: side of a pixel, world place of the middle of pixel
-    (0, 0). sunk_mm: (2,) how far it is off by the mirror's depth (`ContactImage`). places_mm: (n, 2)
-    centroids, sizes_mm2, cut: (n,), the last where a spot reaches out of that area. edge_mm: length of all
-    borders. blur_mm: standard deviation of their blur.
+    looked: (rows, cols) the area looked at. cover: (rows, cols) share of each pixel in contact, 0 outside
+    that area. labels: (rows, cols) number of the spot, 0 for none. pitch_mm: side of a pixel. x_mm, y_mm:
+    place on the mirror of the middle of pixel (0, 0). sunk_mm: (2,) how far the mirror's depth shifted it
+    (`ContactImage`). places_mm: (n, 2) centroids. sizes_mm2: (n,). cut: (n,) spots that reach out of the area
+    looked at. edge_mm: length of all borders. blur_mm: standard deviation of their blur.
     """
 
     cover: Single
@@ -75,7 +79,7 @@ def spots_of(contact: Contact, blur_px: float) -> Spots | str:
     """Spots of a contact whose borders are blurred by `blur_px`, or why there are none."""
     image = contact.image
     if image is None:
-        return "its place in mm is not known"
+        return "where it lies on the mirror is not known"
     inside = _within(image, contact)
     if np.count_nonzero(inside) < _FEWEST_PX:
         return "too small to look at"
@@ -100,7 +104,10 @@ def spots_of(contact: Contact, blur_px: float) -> Spots | str:
 
 
 def _level(light: Single) -> float:
-    """Light of the spots, the middle of what is dark: shadows beside a white object's are darker."""
+    """Light of the spots, over that at rest: the median of the dark pixels.
+
+    The darkest are no measure: shadows beside the spots of a white object are darker.
+    """
     darkest = float(np.quantile(light, _DARKEST))
     if darkest >= _UNLIT:  # lifted: nothing is in contact
         return 0.0
@@ -110,9 +117,10 @@ def _level(light: Single) -> float:
 
 
 def _covered(light: Single, seed: Mask, tip: float, blur_px: float) -> Single:
-    """Share of each pixel that spots cover: how far its light lies from what is beside them to theirs.
+    """Share of each pixel that spots cover, by its light between that beside the spots (0) and theirs (1).
 
-    The middle half of that way counts, so that neither noise does nor steep rubber, which is grey.
+    The first and last quarter of that range count as 0 and 1: they are noise, and steep rubber, which is
+    grey.
     """
     reach = max(1, round(_REACH * blur_px))
     grown = [cv2.dilate(seed.view(np.uint8), _disc(2 * k + 1)) > 0 for k in (reach, reach + _RING_PX)]
@@ -137,7 +145,7 @@ def _measured(image: ContactImage, seed: Mask, looked: Mask, covered: Single) ->
     pixels = np.bincount(own[nearest].ravel(), cover.ravel(), count)[1:]
     # steps along both axes are 4 / pi times as many as a border is long
     border = 0.25 * np.pi * edge * pitch
-    # half of a round spot's light is reached blur^2 / (2 radius) further in
+    # blur moves the place of half light inwards, by blur^2 / (2 radius) for a round spot
     middle = np.count_nonzero((cover > 0) & (cover < 1)) * pitch**2
     blur = float(middle / (_MIDDLE * border))
     grey = border * _GREY[0] * blur / len(pixels)
@@ -152,14 +160,14 @@ def _measured(image: ContactImage, seed: Mask, looked: Mask, covered: Single) ->
 
 
 def _within(image: ContactImage, contact: Contact) -> Mask:
-    """Pixels of a contact, its rim left out."""
+    """Pixels of a contact without its rim."""
     own = (image.inside(contact.outline_mm) & np.isfinite(image.light)).astype(np.uint8)
     away = cv2.distanceTransform(np.pad(own, 1), cv2.DIST_L2, 5)[1:-1, 1:-1]
     return np.asarray(away * image.mm_per_px > RIM_MM)
 
 
 def _cropped(image: ContactImage, inside: Mask) -> tuple[ContactImage, Mask]:
-    """The part of an image about `inside`, and that of `inside`."""
+    """An image and the mask `inside`, both cropped to the mask with a margin."""
     left, top, width, height = cv2.boundingRect(inside.view(np.uint8))
     first_col, first_row = max(left - _MARGIN_PX, 0), max(top - _MARGIN_PX, 0)
     part = slice(first_row, top + height + _MARGIN_PX), slice(first_col, left + width + _MARGIN_PX)
@@ -169,7 +177,7 @@ def _cropped(image: ContactImage, inside: Mask) -> tuple[ContactImage, Mask]:
 
 
 def _lit(light: Single, dark: Mask, mm_per_px: float) -> Mask:
-    """Pixels around which the LCD is white between the spots, so that no dark fringe looks like one."""
+    """Pixels around which the LCD lights the rubber white: elsewhere dark fringes look like spots."""
     sizes = pieces(dark, connectivity=8)[1][1:]
     most = np.sort(sizes)[np.searchsorted(np.cumsum(np.sort(sizes)), 0.5 * sizes.sum())] if sizes.size else 0
     reach = np.clip(_AROUND * np.sqrt(most / np.pi) * mm_per_px, *_LIT_MM)

@@ -22,15 +22,15 @@ class Motion(enum.StrEnum):
 class ContactStatus:
     """What a texture does on the mirror, from one frame and those shortly before; NaN: not known.
 
-    contact_id: the contact it is of. looked_mm2: area looked at, that between its outermost spots less a
-    rim. share: of that area, in contact. spots_per_cm2, spot_mm2: number and mean size of the spots in
-    contact, as samples of the texture. spot_life_s: mean time that a spot stays in contact, by those that
-    ended while they were in view. speed_mm_s, direction_deg (from x towards y, -180 to 180): sliding.
-    pitch_mm, ridge_deg: from ridge to ridge (or row to row), and the way across them, 0 to 180. sigma_...:
-    standard deviations. motion: stick or slip; began_s: how long it has been so. event: "stick" or "slip" in
-    the frame that it is named. aliased: from frame to frame it moves over half a pitch, or as far while a
-    frame is exposed, or where it went is not clear by itself. force_n: of the contact. reason: why what is
-    missing is not known.
+    contact_id: number of its contact. looked_mm2: area looked at, between its outermost spots, without the
+    contact's rim. share: of that area, in contact. spots_per_cm2, spot_mm2: density and mean area of the
+    spots in contact; their sigmas take the spots for a sample of the texture. spot_life_s: mean time that a
+    spot stays in contact. speed_mm_s, direction_deg (from x towards y, -180 to 180): of sliding. pitch_mm:
+    distance from ridge to ridge, or row to row. ridge_deg: direction across them, from x towards y, 0 to 180.
+    sigma_...: standard deviations. motion: stick or slip; began_s: for how long. event: "stick" or "slip" in
+    the frame in which that is first reported, else "". aliased: the movement may be wrong by whole pitches:
+    it is more than half a pitch per frame or per exposure, or other movements are as likely. force_n: of the
+    contact. reason: why values are missing.
     """
 
     contact_id: int

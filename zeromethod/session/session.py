@@ -235,7 +235,7 @@ class Session:
             steps = self.loop.run(frames=frames, seconds=seconds)
             stack.callback(steps.close)  # here and now, not when the interpreter comes to forget it
             try:
-                for each in map(self._watching.seen, steps):
+                for each in map(self._watching, steps):
                     step = replace(each, phase=self._phase(each.time_ns), readable=is_readable(each))
                     reading.post(step if step.readable else replace(step, measured=None))
                     self.recording.poll()

@@ -1,9 +1,9 @@
-"""A run's watch camera: what comes goes into every step, and arms the loop."""
+"""A run's watch camera: what it sees come is added to every step, and arms the loop."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import closing, contextmanager
 from dataclasses import replace
 
 from zeromethod.approach import Approach, Watch
@@ -19,9 +19,9 @@ _SAID = tuple(
 
 
 def approach_rows(seen: Iterable[tuple[int, Approach | None]], start_ns: int) -> list[dict[str, float]]:
-    """One row per approach that armed the loop: since when, and what was expected last; s of the run.
+    """One row per approach that armed the loop: when it was armed, and what was expected last; s of the run.
 
-    seen: time of each step, and what its watch camera saw. start_ns: time of the first step.
+    seen: time of each step, and what the watch camera saw in it. start_ns: time of the first step.
     """
     rows: list[dict[str, float]] = []
     armed = False
@@ -37,29 +37,21 @@ def approach_rows(seen: Iterable[tuple[int, Approach | None]], start_ns: int) ->
     return rows
 
 
-class Watching:
-    """Asks the watch camera once per step; does nothing for a rig without one."""
-
-    def __init__(self, watch: Watch | None, loop: Loop) -> None:
-        self._watch, self._loop = watch, loop
-
-    def seen(self, step: Step) -> Step:
-        """The step with what comes; the loop is armed for the next one, or is so no more."""
-        if self._watch is None:
-            return step
-        approach = self._watch.look()
-        self._loop.coming = approach.words if approach.armed else ""
-        return replace(step, approach=approach, notes=step.notes + self._watch.note())
-
-
 @contextmanager
-def watching(rig: Rig, clock: Clock, loop: Loop) -> Iterator[Watching]:
-    """The watch camera that a rig has, open. Raises InputError where it cannot be opened or sees nothing."""
+def watching(rig: Rig, clock: Clock, loop: Loop) -> Iterator[Callable[[Step], Step]]:
+    """What adds to a step what the rig's watch camera sees come, and arms or disarms the loop for the next.
+
+    Without a watch camera, steps stay as they are. Raises InputError where it cannot be opened or sees
+    nothing.
+    """
     if rig.watch is None:
-        yield Watching(None, loop)
+        yield lambda step: step
         return
-    watch = Watch(rig, clock, watch_opener(rig, clock))
-    try:
-        yield Watching(watch, loop)
-    finally:
-        watch.close()
+    with closing(Watch(rig, clock, watch_opener(rig, clock))) as watch:
+
+        def seen(step: Step) -> Step:
+            approach = watch.look()
+            loop.coming = approach.words if approach.armed else ""
+            return replace(step, approach=approach, notes=step.notes + watch.note())
+
+        yield seen

@@ -47,7 +47,7 @@ def draw_approaches(axes: Sequence[Axes], seen: Iterable[Approach], start_ns: in
     around = 1.0 + 2 * float(np.median(np.hypot(sigma_x[on], sigma_y[on])))
     axes[2].set_xlim(x[on].min() - around, x[on].max() + around)
     axes[2].set_ylim(y[on].min() - around, y[on].max() + around)
-    axes[2].set_aspect("equal", "datalim")
+    axes[2].set_aspect("equal")
 
 
 def _band(axis: Axes, x: Float, y: Float, sigma: Float) -> None:

@@ -32,6 +32,7 @@ from zeromethod.view.axes import (
 )
 from zeromethod.view.contact_picture import draw_contact
 from zeromethod.view.events_figure import draw_approaches, draw_pointers
+from zeromethod.view.table import force_words
 from zeromethod.warp.grid import NodeGrid
 
 CROP_PX = (480, 360)
@@ -183,7 +184,8 @@ def _read_maps(axes: list[Axes], result: RunResult, read: Step) -> None:
     assert shown is not None
     assert measured is not None
     applied_px, measured_px = shown.q - result.rest.q, measured.q - result.rest.q
-    residual_px = np.linalg.norm(residual.d, axis=-1)
+    # at a seam of thin rubber slope is carried across, and nothing is seen
+    residual_px = np.where(residual.valid, np.linalg.norm(residual.d, axis=-1), np.nan)
     true_mm = None
     if result.true_mirror is not None:
         mirror = result.true_mirror(read.time_ns)
@@ -268,7 +270,7 @@ def _draw_pressure(axis: Axes, result: RunResult, read: Step) -> None:
     mesh = axis.tripcolor(found.x_mm, found.y_mm, kpa, shading="gouraud", **look)
     axis.set_aspect("equal")
     title = f"pressure, contact {contact.id}{', which sticks' if found.sticks else ''}"
-    force = f"{contact.force_n:.4f} ± {contact.sigma_force_n:.4f} N"
+    force = force_words(contact.force_n, contact.sigma_force_n)
     title += f"\nmaximum {high:.1f} ± {1e3 * found.sigma_mpa[most]:.1f} kPa\n{force}"
     labelled(axis, title, "x, mm", "y, mm")
     colour_bar(axis, mesh, "kPa")

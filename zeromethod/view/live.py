@@ -14,7 +14,7 @@ from rich.table import Column
 from zeromethod.approach import FAULTY
 from zeromethod.contact import ContactFigures
 from zeromethod.loop.state import State
-from zeromethod.loop.step import Step
+from zeromethod.loop.step import StepFigures
 from zeromethod.operating.lasting import LastingState
 from zeromethod.still_busy import StillBusy
 from zeromethod.view.progress import PlainLines
@@ -118,7 +118,7 @@ class LiveStatus:
                 f"note: {note}", style="yellow", markup=False, highlight=False, soft_wrap=True
             )
 
-    def update(self, step: Step, done_frames: int, values: Mapping[str, Any] | None = None) -> None:
+    def update(self, step: StepFigures, done_frames: int, values: Mapping[str, Any] | None = None) -> None:
         """Show the newest frame. values: of the run (`zeromethod.operating.run_table`), where there are."""
         self._busy.close()
         self.say(*step.notes)
@@ -145,7 +145,7 @@ class LiveStatus:
         bar = 0 if self._progress.tasks[0].total is None else _BAR + 1
         return self._console.width - max(len(state), _STATE) - 1 - _TIME - 1 - bar - 1
 
-    def _measured(self, step: Step, values: Mapping[str, Any]) -> list[tuple[int, str]]:
+    def _measured(self, step: StepFigures, values: Mapping[str, Any]) -> list[tuple[int, str]]:
         """The figures that are known, or what is waited for, each after its rank: 0 matters most."""
         parts = [(4, step.phase)] if step.phase else []
         if self._peak_mm is not None:

@@ -19,7 +19,7 @@ from zeromethod.recording.recording import Recording
 from zeromethod.recording.source import DamagedWarning
 from zeromethod.view import report_words as words
 from zeromethod.view.live import STATE_COLOURS
-from zeromethod.view.report_figures import LEAST_RATED, contact_image, depth_map, pixel_map, timeline
+from zeromethod.view.report_figures import LEAST_RATED, contact_image, depth_map, events, pixel_map, timeline
 from zeromethod.view.report_history import happenings
 from zeromethod.view.report_summary import (
     Figures,
@@ -65,6 +65,7 @@ def write_report(
         colours=STATE_COLOURS,
         summary=words.summary_rows(figures, recording.rig),
         timeline=curves,
+        events=list(events(recording)),
         too_few=figures["frames"] if curves and figures["frames"] < LEAST_RATED else 0,
         least_rated=LEAST_RATED,
         maps=maps,

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -17,14 +17,17 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from zeromethod.approach import Approach
 from zeromethod.arrays import Float
 from zeromethod.contact import ContactImage, closed
 from zeromethod.fine.surface import FineSurface
+from zeromethod.interactive.pointers import PointerEvent
 from zeromethod.loop.state import State
 from zeromethod.recording.recording import Recording
 from zeromethod.surface import Surface
 from zeromethod.view.axes import centred, colours, labelled, over_mirror, pixels_over_mirror, plain_log_ticks
 from zeromethod.view.contact_picture import draw_contact
+from zeromethod.view.events_figure import draw_approaches, draw_pointers
 from zeromethod.view.live import STATE_COLOURS
 from zeromethod.view.report_history import Episode, episodes, seconds
 
@@ -133,6 +136,27 @@ def pixel_map(surface: FineSurface) -> str:
         bar.solids.set_rasterized(True)
         bar.outline.set_visible(False)
         return _svg(figure, "depth on every pixel over the mirror")
+
+
+def events(recording: Recording) -> Iterator[tuple[str, str]]:
+    """Heading and picture of what a watch camera saw come, and of what fingers did, as the rig has them."""
+    steps, rig = recording.steps, recording.rig
+    if not len(steps):
+        return
+    times_ns = int(steps["time_ns"][0]), int(steps["time_ns"][-1])
+    if rig.watch is not None:
+        seen = [Approach.of_row(row) for row in recording.tables.approaches()]
+        yield "What came", _three("what came", lambda axes: draw_approaches(axes, seen, times_ns[0]))
+    if rig.projector is not None:
+        said = [PointerEvent.of_row(row) for row in recording.tables.pointers()]
+        yield "Pointers", _three("what fingers did", lambda axes: draw_pointers(axes, said, *times_ns))
+
+
+def _three(words: str, draw: Callable[[Sequence[Axes]], None]) -> str:
+    with _page_style(words):
+        figure = Figure(figsize=(9.6, 3.0), layout="constrained")
+        draw(figure.subplots(1, 3))
+        return _svg(figure, words)
 
 
 def contact_image(image: ContactImage, border_mm: Float | None) -> str:

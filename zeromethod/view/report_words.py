@@ -23,7 +23,7 @@ from zeromethod.surface import Where
 from zeromethod.view import calibration_table
 from zeromethod.view.report_history import Happening, seconds
 from zeromethod.view.report_summary import Figures
-from zeromethod.view.table import LOOP_MS, approach_words, pointer_words, status_rows
+from zeromethod.view.table import LOOP_MS, approach_words, force_words, pointer_words, status_rows
 
 _GROWING_S = 3.0
 """A file that changed more recently than this is still being written."""
@@ -79,7 +79,7 @@ def summary_rows(figures: Figures, rig: Rig) -> Iterator[tuple[str, str]]:
         area = f"{one['area_mm2']:.3f} ± {one['sigma_area_mm2']:.3f} mm²"
         place = f"at ({one['x_mm']:.3f}, {one['y_mm']:.3f}) mm"
         known = one["force_n"] is not None and math.isfinite(one["force_n"])
-        force = f", {one['force_n']:.4f} ± {one['sigma_force_n']:.4f} N" if known else ""
+        force = f", {force_words(one['force_n'], one['sigma_force_n'])}" if known else ""
         yield f"contact {one['id']}", f"{area} {place}{force}, {one['from_s']:.2f} to {one['to_s']:.2f} s"
     yield from approach_words(figures)
     yield from pointer_words(figures)
@@ -171,7 +171,7 @@ def rig_rows(rig: Rig) -> Iterator[tuple[str, str]]:
         if layers:
             yield label, ", ".join(f"{layer.thickness_mm:g} mm of index {layer.index:g}" for layer in layers)
     yield (
-        "LCD",
+        "print, lit by a lamp at the camera" if rig.light.by_mirror else "LCD",
         f"{display.driver}: {display.columns} x {display.rows}, pitch {display.pitch_mm:g} mm, "
         f"{display.refresh_hz:g} Hz, gamma {display.gamma:g}, latency {1e3 * display.latency_s:g} ms",
     )
@@ -180,6 +180,20 @@ def rig_rows(rig: Rig) -> Iterator[tuple[str, str]]:
         f"{camera.driver}: {camera.columns} x {camera.rows}, {camera.bits} bits, "
         f"{camera.rate_hz:g} per second, exposure {1e3 * camera.exposure_s:g} ms, {camera.projection}",
     )
+    if (watch := rig.watch) is not None:
+        shape = f"{watch.columns} x {watch.rows}, {watch.rate_hz:g} per second"
+        yield "watch camera", f"{watch.driver}: {shape}, two lenses {watch.baseline_mm:g} mm apart"
+    if (projector := rig.projector) is not None:
+        yield (
+            "projector",
+            f"{projector.driver}: {projector.columns} x {projector.rows}, {projector.refresh_hz:g} Hz, "
+            f"white {projector.brightness:g} times the LCD's",
+        )
+    if rig.cloth is not None:
+        yield (
+            "cloth",
+            f"a point every {rig.cloth.weave_mm:g} mm, {rig.cloth.touching:.0%} of the area at rest",
+        )
     yield "target", f"{rig.target.kind}, period {rig.target.period_px} camera px"
 
 

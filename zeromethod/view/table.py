@@ -123,6 +123,14 @@ def _look_up(figures: Figures, dotted: str) -> Any:
     return value
 
 
+def force_words(force_n: float, sigma_n: float | None) -> str:
+    """A force with its standard deviation, where that is known, to its first digit."""
+    if sigma_n is None or not math.isfinite(sigma_n):
+        return f"{force_n:.4f} N"
+    digits = 4 if sigma_n <= 0 else min(max(4, math.ceil(-math.log10(sigma_n))), 7)
+    return f"{force_n:.{digits}f} ± {sigma_n:.{digits}f} N"
+
+
 def _contact_rows(label: str, contacts: Sequence[Figures] | None) -> list[tuple[str, str]]:
     rows = []
     for one in contacts or ():
@@ -131,8 +139,7 @@ def _contact_rows(label: str, contacts: Sequence[Figures] | None) -> list[tuple[
         depth = one.get("depth_mm")
         inside = "" if depth is None else f", {depth:.5f} ± {one['sigma_depth_mm']:.5f} mm deep"
         how_hard, off = one.get("force_n"), one.get("sigma_force_n")
-        apart = "" if off is None else f" ± {off:.4f}"
-        force = "" if how_hard is None else f", {how_hard:.4f}{apart} N"
+        force = "" if how_hard is None else f", {force_words(how_hard, off)}"
         rows.append((f"{label} {one['id']}", words + inside + force))
     return rows
 

@@ -16,8 +16,8 @@ SEQUENCE = FringeSequence(choose_periods(PANEL[0]), equal_shifts(6))
 NOISE = NoiseModel.of_camera(2.0, 150.0, 4.0)
 
 
-def notes(frames: np.ndarray) -> str:
-    return "\n".join(rest_notes(measure_rest(frames, SEQUENCE, size_px=PANEL, noise=NOISE)))
+def notes(frames: np.ndarray, *, saw: bool = False) -> str:
+    return "\n".join(rest_notes(measure_rest(frames, SEQUENCE, size_px=PANEL, noise=NOISE), saw=saw))
 
 
 @pytest.mark.parametrize("first", [6, 12, 20])
@@ -43,3 +43,16 @@ def test_a_face_that_reflects_is_called_a_second_reflection(share, offset):
     said = notes(np.asarray(bench.frames(SEQUENCE)))
     assert "a second reflection of about" in said.splitlines()[0]
     assert "while the fringes were shown" not in said
+
+
+def test_pixels_of_a_saw_that_see_two_teeth_at_a_tip_need_no_shield():
+    tips = np.zeros((128, 160))
+    tips[:, [30, 31, 32, 90, 91, 92]] = 0.1
+    frames = np.asarray(Bench(ghost=tips, ghost_offset=(37.0, -23.0)).frames(SEQUENCE))
+    assert "two teeth" in notes(frames, saw=True)
+    assert "second reflection" not in notes(frames, saw=True)
+    assert "second reflection" in notes(frames)
+    # a face that reflects does so over more than a tip
+    wide = np.asarray(Bench(ghost=0.1 * np.ones((128, 160)), ghost_offset=(37.0, -23.0)).frames(SEQUENCE))
+    assert "two teeth" not in notes(wide, saw=True)
+    assert "second reflection" in notes(wide, saw=True)

@@ -127,7 +127,7 @@ class _Session:
             found = self._decoded(rig, frames)
             advance()
         refuse_empty(found)
-        for words in rest_notes(found):
+        for words in rest_notes(found, saw=rig.prism.teeth is not None):
             self._note(words)
         projection, panel, delay, presses = None, None, None, None
         try:

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from zeromethod.arrays import Image, Mask, Single
 from zeromethod.commissioning.patterns import SettledPatterns, TimedPatterns, uniform_pattern
 from zeromethod.decoding.fringes import SHIFTS, FringeSequence, equal_shifts
+from zeromethod.decoding.masks import POOL_PX
 from zeromethod.decoding.measuring import RestMeasurement, measure_rest
 from zeromethod.decoding.near_reflection import USUAL_SHARE
 from zeromethod.decoding.periods import SHORTEST_PX, choose_periods
@@ -113,9 +115,16 @@ LIKELY_REFLECTION = 0.3
 EVEN_REFLECTION = 1.5
 """Upper over lower quartile of a second reflection's light, which a face makes alike over the view."""
 
+TIP_PX = 3 * POOL_PX
+"""Most pixels of a row that see two teeth at a tip: a few, more as they are found over `POOL_PX`."""
+
 _REFLECTION = (
     "see a second reflection of about {reflection:.0%} of the main one's light: shield or blacken the "
     "face that makes it, or turn the LCD a little (if another map shows none, something moved or pressed)"
+)
+_TWO_TEETH = (
+    "rest map: two teeth: {share:.1%} of the camera's pixels see two teeth, at a tip: nothing need be done; "
+    "they are left out"
 )
 _MOVED = (
     "saw the periods in different places, as where something pressed or moved while the fringes were shown: "
@@ -148,17 +157,23 @@ def _has_moved(found: RestMeasurement, there: Mask) -> bool:
     return bool(middle > LIKELY_REFLECTION or high > EVEN_REFLECTION * low)
 
 
-def rest_notes(found: RestMeasurement) -> tuple[str, ...]:
+def rest_notes(found: RestMeasurement, *, saw: bool = False) -> tuple[str, ...]:
     """What the person should see to in a rest map, the widest first; empty where all is well.
 
-    Dead pixels are named from the first one on; what shows no fringes is not mirror, and no fault.
+    Dead pixels are named from the first one on; what shows no fringes is not mirror, and no fault. saw: of
+    teeth, whose tips lie across the rows.
     """
-    size = found.rest_map.reason.size
+    reasons = found.rest_map.reason
     said = []
     for reason in sorted(_ADVICE, key=found.count, reverse=True):
-        share = found.count(reason) / size
-        if share > NOTABLE_SHARE:
-            there = (found.rest_map.reason & int(reason)) != 0
+        there = (reasons & int(reason)) != 0
+        if saw and reason is Reason.SECOND_REFLECTION:
+            wide = cv2.morphologyEx(there.view(np.uint8), cv2.MORPH_OPEN, np.ones((1, TIP_PX + 1), np.uint8))
+            at_tips = there & (wide == 0)
+            there &= ~at_tips
+            if (share := float(at_tips.mean())) > NOTABLE_SHARE:
+                said.append(_TWO_TEETH.format(share=share))
+        if (share := float(there.mean())) > NOTABLE_SHARE:
             name, advice = plain_name(reason), _ADVICE[reason]
             if reason is Reason.SECOND_REFLECTION and _has_moved(found, there):
                 name, advice = "moved", _MOVED
