@@ -1,8 +1,8 @@
 #version 330 core
 // Means over the pupil's footprint of what single rays see, read off their map at shifted places.
 // PART 0: (q, reflectance, 1 where light comes). 1: second moments (xx, xy, yy) of q about its mean, in units of
-// the pixel's own response. 2: light of one channel, its mean. POINTS: of the unit disc; shift_0 to shift_5: terms of
-// (shift along u by the pupil's u, by its v; along v by u, by v) in camera px.
+// the pixel's own response. 2: light of one channel, its mean. SAMPLES points of the unit disc, ON_RING on each of
+// its rings; shift_0 to shift_5: terms of (shift along u by the pupil's u, by its v; along v by u, by v), camera px.
 #include "bench_texel.glsl"
 SHIFTS
 uniform sampler2D rays, rest;
@@ -41,7 +41,9 @@ void main() {
     vec2 first = vec2(0.0);
     vec3 second = vec3(0.0);
     for (int k = 0; k < SAMPLES; ++k) {
-        float radius = sqrt((float(k) + 0.5) / float(SAMPLES)), angle = float(k) * 2.39996322973;
+        int ring = k / ON_RING;
+        float radius = sqrt((float(ring) + 0.5) * float(ON_RING) / float(SAMPLES));
+        float angle = (float(k) + 0.5 * float(ring % 2)) * 6.28318530718 / float(ON_RING);
         vec2 point = radius * vec2(cos(angle), sin(angle));
         vec3 one = single(vec2(pixel) + vec2(dot(shift.xy, point), dot(shift.zw, point)), pitch, last);
         light += one.z;

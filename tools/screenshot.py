@@ -1,7 +1,8 @@
 """Make a picture of the operator's page: a simulated press, seen by a headless browser.
 
 python tools/screenshot.py docs/images/page.png
-python tools/screenshot.py docs/interactive.png Projector --rig interactive: with that tab open, of that run
+python tools/screenshot.py docs/interactive.png Projector 0.45 --rig interactive
+The second opens a tab, at a time of the run's clock in s, of a run with other options.
 """
 
 from __future__ import annotations
@@ -25,14 +26,12 @@ SHOWN_S = 0.9
 
 
 PATIENCE_S = 600.0
-SETTLING_MS = 500
-"""Until a tab that was opened is drawn."""
 COLOURS = 256
 """Of the picture's palette, which keeps the file small."""
 
 
-def shoot(path: Path, tab: str, options: Sequence[str]) -> None:
-    """Run with these options, look, with this tab open if one is given, and write the picture."""
+def shoot(path: Path, tab: str, at_s: float, options: Sequence[str]) -> None:
+    """Run with these options, look at that time, with a tab open if one is given, and write the picture."""
     chromium = next((found for name in ("chromium", "google-chrome") if (found := shutil.which(name))), None)
     if chromium is None:
         sys.exit("no chromium is installed: sh tools/system-packages.sh test installs it")
@@ -58,14 +57,13 @@ def shoot(path: Path, tab: str, options: Sequence[str]) -> None:
         browser = playwright.chromium.launch(executable_path=chromium, args=arguments)
         page = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT}, color_scheme="light")
         page.goto(url)
+        if tab:  # what it shows comes with the next frames
+            page.get_by_role("button", name=tab, exact=True).click(timeout=1e3 * PATIENCE_S)
         until_s = time.monotonic() + PATIENCE_S
-        while not (page.evaluate("zeromethod.values.time_s") or 0) >= SHOWN_S:
+        while not (page.evaluate("zeromethod.values.time_s") or 0) >= at_s:
             if time.monotonic() > until_s:
                 sys.exit(f"the run did not come so far within {PATIENCE_S:.0f} s")
             page.wait_for_timeout(50)
-        if tab:
-            page.get_by_role("button", name=tab, exact=True).click()
-            page.wait_for_timeout(SETTLING_MS)
         page.screenshot(path=str(path))
         browser.close()
         run.terminate()
@@ -77,5 +75,6 @@ def shoot(path: Path, tab: str, options: Sequence[str]) -> None:
 if __name__ == "__main__":
     if len(sys.argv) < 2:
         sys.exit("a file name is wanted: python tools/screenshot.py docs/images/page.png")
-    name, tab, *options = [*sys.argv[1:], ""][:2] + sys.argv[3:]
-    shoot(Path(name), tab, options or PRESS)
+    name, *more = sys.argv[1:]
+    tab, at_s, *options = more or ("", SHOWN_S, *PRESS)
+    shoot(Path(name), tab, float(at_s), options)

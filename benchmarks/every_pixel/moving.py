@@ -1,4 +1,7 @@
-"""What every pixel's sigma says while a pad slides, and what one frame's nodes would have been off by."""
+"""What every pixel's sigma says while a pad slides, and what one frame's nodes would have been off by.
+
+Against the mirror as the pupil shows it, which is what sigma is stated for.
+"""
 
 from __future__ import annotations
 
@@ -11,8 +14,11 @@ import numpy as np
 
 from benchmarks.every_pixel.scenes import PRESS_S, bench_rig
 from benchmarks.rigs import VIEW_MIDDLE_MM, opened
+from zeromethod.arrays import Float
+from zeromethod.devices.protocols import TrueMirror
 from zeromethod.fine.frames import FineFrame
 from zeromethod.fine.reader import FRAMES, FineReader
+from zeromethod.optics.pupil import footprint_terms, quadratic_terms
 from zeromethod.rig.model import Rig
 from zeromethod.session.fine import frame_of
 from zeromethod.surface import SurfaceReader
@@ -55,8 +61,23 @@ def slide(mm_per_s: float, seed: int) -> dict[str, float]:
             fine, mirror = reader.read(kept), bench.truth(kept[-1].measured.time_ns)
             surfaces = ("nodes", fine.coarse), ("pixels", fine), ("one frame", alone.read(kept[-1].measured))
             for name, one in surfaces:
-                off = one.depth_mm - mirror.depth(one.x_mm.astype(float), one.y_mm.astype(float))
+                off = one.depth_mm - _as_seen(mirror, rig, one.x_mm.astype(float), one.y_mm.astype(float))
                 found.setdefault(f"{name}, nm", []).append(1e12 * float(np.nanmean(off**2)))
                 ratio2 = float(np.nanmean((off / one.sigma_depth_mm) ** 2))
                 found.setdefault(f"{name}, over sigma", []).append(ratio2)
     return {name: float(np.sqrt(np.mean(values))) for name, values in found.items()}
+
+
+def _as_seen(mirror: TrueMirror, rig: Rig, x: Float, y: Float) -> Float:
+    """Depth (rows, cols), mm, averaged over the pupil's footprint, at mirror points evenly over the view."""
+    rows, cols = x.shape
+    t, s = np.meshgrid(np.linspace(-1, 1, rows), np.linspace(-1, 1, cols), indexing="ij")
+    shift = np.einsum("rck,kij->ijrc", quadratic_terms(s, t), footprint_terms(rig))
+    per_px = cols / rig.camera.columns, rows / rig.camera.rows
+    by_px = [[step * one for one, step in zip(np.gradient(of)[::-1], per_px, strict=True)] for of in (x, y)]
+    total = np.zeros(x.shape)
+    # four points with the second moments of a disc
+    for axis, side in ((0, 0.5**0.5), (0, -(0.5**0.5)), (1, 0.5**0.5), (1, -(0.5**0.5))):
+        off_x, off_y = (side * (u * shift[0, axis] + v * shift[1, axis]) for u, v in by_px)
+        total += 0.25 * mirror.depth(x + off_x, y + off_y)
+    return total

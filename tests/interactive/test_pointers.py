@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from planted_dents import surface
 
 from zeromethod import load_rig
 from zeromethod.contact import ContactFigures
@@ -43,6 +44,21 @@ def test_a_finger_comes_moves_and_goes_as_browsers_have_it():
     (up,) = pointers.follow([], 4 * FRAME_NS)
     assert (up.type, up.pressure, up.pointer_id) == (PointerType.UP, 0.0, 1)
     assert not pointers.down
+
+
+@pytest.mark.parametrize(
+    ("left", "seen", "readings"),
+    [(0.2, True, 1), (0.9, True, 2), (0.2, False, 2)],
+    ids=["its dent is gone", "only not found", "not seen"],
+)
+def test_a_finger_whose_dent_is_gone_is_up_in_the_first_reading_without_it(left, seen, readings):
+    pointers, mirror = Pointers(SPEC), surface(np.zeros_like, (0.0, 0.0))
+    mirror.depth_mm[:], mirror.valid[:] = 0.1 * left, seen
+    finger = replace(FINGER, x_mm=float(mirror.x_mm[20, 20]), y_mm=float(mirror.y_mm[20, 20]), depth_mm=0.1)
+    pointers.follow([finger], 0, mirror)
+    said = [pointers.follow([], k * FRAME_NS, mirror) for k in (1, 2)]
+    assert [len(events) for events in said] == [int(k == readings) for k in (1, 2)]
+    assert said[readings - 1][0].type is PointerType.UP
 
 
 def test_a_row_of_each_finger_says_how_it_came_and_ended():

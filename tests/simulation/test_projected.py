@@ -107,7 +107,7 @@ def test_the_true_map_is_that_of_corners_moved():
 
 def test_a_field_with_crossed_sides_is_refused_in_one_line():
     crossed = ((0.0, 0.0), (10.0, 10.0), (0.0, 10.0), (10.0, 0.0))
-    with pytest.raises(InputError, match=r"corners_mm: .*without a dent or crossing"):
+    with pytest.raises(InputError, match=r"corners_mm: .*the sides cross or bend inwards"):
         ProjectorSpec(corners_mm=crossed)
 
 

@@ -8,6 +8,7 @@ from scipy.ndimage import map_coordinates
 from small_rigs import quarter
 
 from zeromethod.errors import InputError
+from zeromethod.fine.footprint import response
 from zeromethod.optics import Optics
 from zeromethod.optics.pupil import footprint_terms
 from zeromethod.rig.model import Rig
@@ -18,6 +19,7 @@ from zeromethod.simulation.contact.scene import scene_of
 from zeromethod.simulation.gpu import GpuRenderer
 from zeromethod.simulation.numpy_renderer import NumpyRenderer
 from zeromethod.simulation.press import Mirror
+from zeromethod.simulation.pupil import points
 from zeromethod.simulation.renderer import Piece
 
 VIEW = {"columns": 160, "rows": 128, "centre_px": (79.5, 63.5)}
@@ -75,6 +77,16 @@ def test_the_footprint_of_5_mm_is_half_a_millimetre_along_and_a_third_across():
     points = optics.trace(np.array([u, u + 1, u]), np.array([v, v, v + 1]), optics.rest).point
     by_px = np.stack((points[1] - points[0], points[2] - points[0]), axis=-1)[:2]
     np.testing.assert_allclose(np.abs(2 * by_px @ half_px), [[0.563, 0], [0, 0.362]], atol=2e-3)
+
+
+def test_points_of_the_pupil_see_waves_as_its_whole_disc_does():
+    angle, radius = np.linspace(0.0, np.pi, 13), np.array([0.05, 0.5, 1.0, 1.5])
+    k = radius[:, None, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    seen = np.exp(1j * k @ points().T).mean(axis=-1)
+    # rings of equal area stand for what lies between them: in the fourth moment, by a thousandth of a wave as
+    # long as two pupils; where its middle is (the imaginary part) is exact
+    np.testing.assert_allclose(seen.real, np.broadcast_to(response(radius)[:, None], seen.shape), atol=1e-3)
+    np.testing.assert_allclose(seen.imag, 0.0, atol=1e-7)
 
 
 @pytest.mark.parametrize("pupil_mm", [0.0, 1.25, 5.0])

@@ -1,7 +1,7 @@
 """Nodes from windows in space and time: how far the last frames may be averaged, node by node.
 
 A mirror that stands is read by the fit of all frames, one that moves steadily by the end of a line or a
-parabola through them (`fine.motion`), any other by its newest frame. The share w of the former is Wiener's:
+polynomial through them (`fine.motion`), any other by its newest frame. The share w of the former is Wiener's:
 with coarse readings of variance s^2, and an end that is off by b, (1 - w)^2 s^2 + w^2 b^2 is least at
 w = s^2 / (s^2 + b^2). b is that of the next power of time that scatters as readings do beyond noise.
 

@@ -1,10 +1,10 @@
 """Motion within the last frames: how far ahead of their mean nodes are in the newest one.
 
-What a node's coarse readings do over the frames is fitted by a line or a parabola in time, whose end is where
-the node is now. Both are noisier than the mean, by 2 and 3, and so they are fitted only if something moves:
-all over the view then, as motion that a node's noise hides adds up to depth. A line counts as seen if its
-coefficients are beyond chance in the mean square over some nodes, against that of the view, or in the mean
-over more.
+What a node's coarse readings do over the frames is fitted by a line, a parabola or a cubic in time, whose end
+is where the node is now. They are noisier than the mean, by 2, 3 and 4, and so they are fitted only if
+something moves: all over the view then, as motion that a node's noise hides adds up to depth. A line counts
+as seen if its coefficients are beyond chance in the mean square over some nodes, against that of the view, or
+in the mean over more, against what that scatters by.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 
 from zeromethod.arrays import Float, Mask, Single
 
-MOST_DEGREE = 2
+MOST_DEGREE = 3
 POOL_NODES = 9
 INDEPENDENT = 9.0
 """Nodes that share their noise, as their windows overlap (`warp.overlap.shared_nodes`)."""
@@ -125,34 +125,62 @@ def _degree(seen: Readings) -> int:
     left = plain.excess - 0.5 * (plain.powers**2).sum(axis=(0, -1))
     free, nodes = plain.free - MOST_DEGREE, seen.around()
     rough = pooled(left) / nodes > free + _SEEN * np.sqrt(free * INDEPENDENT / nodes)
-    found, broad = np.where(rough[..., None], beside.powers, plain.powers), seen.around(_BROAD_NODES)
+    found, chance2 = np.where(rough[..., None], beside.powers, plain.powers), _chance2(seen)
     for degree in range(MOST_DEGREE, 0, -1):
         one = found[degree - 1]
         energy = pooled(0.5 * (one**2).sum(axis=-1)) / nodes
-        mean2 = np.stack([pooled(one[..., axis], _BROAD_NODES) ** 2 / broad for axis in (0, 1)])
+        sums = np.stack([pooled(one[..., axis], _BROAD_NODES) for axis in (0, 1)])
         # noise drifts a little, too: what the loop shows of earlier frames' noise stays for some of them
         usual = max(float(np.median(energy[seen.good])), 1.0) if seen.good.any() else 1.0
-        if (energy > usual * (1.0 + _SEEN * np.sqrt(INDEPENDENT / nodes)))[seen.good].any():
+        if (energy > usual * _most_by_chance(2.0 * nodes / INDEPENDENT))[seen.good].any():
             return degree
-        if (mean2 > _SEEN**2 * INDEPENDENT)[:, seen.good].any():
+        if (sums**2 > _SEEN**2 * chance2)[:, seen.good].any():
             return degree
     return 0
 
 
-def left_late_s(d: Float, per_late: Float, valid: Mask, times: Float) -> float:
-    """Lateness, s, that readings d (N, rows, cols, 2), px, still have all over the view.
+def _most_by_chance(count: Float) -> Float:
+    """Mean square of so many (rows, cols) numbers of variance 1 that is as rare as `_SEEN` of one.
 
-    A few us of it at the target's turns look like a line in time where a view has few nodes to average.
-    per_late: (N, rows, cols, 2) px/s. valid: (rows, cols). times: (N,), in any unit.
+    By Wilson and Hilferty: squares have more large ones than their own standard deviation says.
     """
-    if not valid.any():
-        return 0.0
-    # the median: what touches some of the view is no lateness
-    both = np.stack([np.nanmedian(one[:, valid], axis=1) for one in (d, per_late)])
+    spread2 = 2.0 / (9.0 * count)
+    return np.asarray((1.0 - spread2 + _SEEN * np.sqrt(spread2)) ** 3)
+
+
+def _chance2(seen: Readings) -> Float:
+    """(2, rows, cols) variance of sums over `_BROAD_NODES` along u and v: of noise, or what they scatter by.
+
+    What frames have in common, as the noise of their lateness, is not in that of nodes.
+    """
+    noise2, powers = INDEPENDENT * seen.around(_BROAD_NODES), seen.powers[:, : MOST_DEGREE + 1]
+    out = []
+    for one in seen.still:
+        sums = pooled(np.ascontiguousarray(np.moveaxis(one, 1, -1)), _BROAD_NODES)
+        left = (sums**2).sum(axis=-1) - ((sums @ powers) ** 2).sum(axis=-1)
+        out.append(np.maximum(left / (len(powers) - powers.shape[1]), noise2))
+    return np.stack(out)
+
+
+def left_late_s(d: Float, per_late: Float, valid: Mask, times: Float, scan: Float) -> Float:
+    """Lateness (rows,), s, that readings d (N, rows, cols, 2), px, still have all over the view.
+
+    A few us of it at the target's turns look like a line in time where a view has few nodes to average. It
+    may go with the scan (rows,), as the rate of an LCD does. per_late: (N, rows, cols, 2) px/s. valid: (rows,
+    cols). times: (N,), in any unit.
+    """
+    seen = valid.any(axis=1)
+    if not seen.any():
+        return np.zeros(len(valid))
+    # medians: what touches some of a row is no lateness
+    both = (np.where(valid[..., None], one, np.nan)[:, seen] for one in (d, per_late))
+    d_row, late_row = (np.nanmedian(one, axis=2).reshape(len(times), -1) for one in both)
     powers = powers_of_time(times, MOST_DEGREE)
-    seen, late = both - powers @ (powers.T @ both)
-    noise2 = (seen**2).mean() + 1e-12
-    return float((late * seen).sum() / ((late**2).sum() + noise2 / _LEFT_S**2))
+    off, late = (one - powers @ (powers.T @ one) for one in (d_row, late_row))
+    of_place = np.stack([np.ones(len(valid)), scan])
+    terms = np.stack([late * np.repeat(one[seen], 2) for one in of_place]).reshape(2, -1)
+    normal = terms @ terms.T + np.eye(2) * ((off**2).mean() + 1e-12) / _LEFT_S**2
+    return np.asarray(np.linalg.solve(normal, terms @ off.ravel()) @ of_place)
 
 
 def powers_of_time(times: Float, degree: int) -> Float:

@@ -94,7 +94,8 @@ def read_nodes(
     d_variance = matvec(across * across, noise2)
     times = np.array([frame.measured.time_ns for frame in frames], np.float64)
     coarse_d = matvec(across, coarse - shown)
-    coarse_d -= left_late_s(coarse_d, per_late, valid, times) * per_late
+    left_s = left_late_s(coarse_d, per_late, valid, times, sequence.scan[rows])
+    coarse_d -= left_s[:, None, None] * per_late
     seen = Readings.of(coarse_d, d_variance, valid, turns, times)
     motion, known = Motion.of(seen, d_variance, design.weights), np.isfinite(fine).all(axis=-1)
     # the pixels' mean is late by what the nodes' fit is ahead of it

@@ -14,9 +14,13 @@ import numpy as np
 from zeromethod.contact import ContactFigures
 from zeromethod.interactive.homography import mapped, mm_to_px
 from zeromethod.rig.model import ProjectorSpec
+from zeromethod.surface import Surface
 
 LIFTED_FRAMES = 2
 """Readings in a row without a finger after which it is up, as contacts are followed."""
+_DENT_LEFT = 0.5
+"""Depth over that under a finger, below which it is up in the first reading without it: one that was only not
+found has its dent still, and fingers around it make a part of it."""
 UNKNOWN_S = 0.25
 """Time without any reading after which nobody knows where fingers are."""
 _MOVED_SIGMAS, _PRESSED_SIGMAS, _LEAST_PRESSURE = 0.5, 2.0, 0.01
@@ -119,10 +123,17 @@ class PointerEvent:
 
 @dataclass(slots=True)
 class _Down:
-    """A finger that is down: what was said of it last, and for how many readings it was not seen."""
+    """A finger that is down: what was said of it last, its depth, and in how many readings it is missing."""
 
     said: PointerEvent
+    depth_mm: float
     missing: int = 0
+
+    def has_no_dent(self, surface: Surface) -> bool:
+        """Whether the mirror, where the finger was, is seen and no longer dented by it."""
+        away = np.hypot(surface.x_mm - self.said.x_mm, surface.y_mm - self.said.y_mm)
+        at = np.unravel_index(np.nanargmin(away), away.shape)
+        return bool(surface.valid[at] and surface.depth_mm[at] < _DENT_LEFT * self.depth_mm)
 
 
 class Pointers:
@@ -140,15 +151,20 @@ class Pointers:
         """What was said last of the fingers that are down."""
         return tuple(one.said for one in self._down.values())
 
-    def follow(self, contacts: Sequence[ContactFigures], time_ns: int) -> tuple[PointerEvent, ...]:
-        """Events of the next frame that was read."""
+    def follow(
+        self, contacts: Sequence[ContactFigures], time_ns: int, surface: Surface | None = None
+    ) -> tuple[PointerEvent, ...]:
+        """Events of the next frame that was read. surface: what was read, which says that a dent is gone."""
         self._read_ns = time_ns
         events = []
         here = {one.id: one for one in contacts}
         self._ended &= here.keys()  # a finger that was cancelled says nothing until it is lifted
         for number, down in list(self._down.items()):
-            down.missing = 0 if number in here else down.missing + 1
-            if down.missing >= LIFTED_FRAMES:
+            if number in here:
+                down.missing, down.depth_mm = 0, here[number].depth_mm
+                continue
+            down.missing += 1
+            if down.missing >= LIFTED_FRAMES or (surface is not None and down.has_no_dent(surface)):
                 events.append(self._end(number, PointerType.UP, time_ns))
         for number, contact in here.items():
             if number in self._ended:
@@ -156,7 +172,7 @@ class Pointers:
             if number not in self._down:
                 event = self._event(PointerType.DOWN, contact, time_ns, is_primary=not self._down)
                 event = replace(event, number=next(self._numbers))
-                self._down[number] = _Down(event)
+                self._down[number] = _Down(event, contact.depth_mm)
                 events.append(event)
                 continue
             down = self._down[number]

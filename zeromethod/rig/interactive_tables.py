@@ -76,5 +76,8 @@ class ProjectorSpec(Table):
         turns = [a[0] * b[1] - a[1] * b[0] for a, b in zip(sides, [*sides[1:], sides[0]], strict=True)]
         if not (min(turns) > 0 or max(turns) < 0):
             listed = [list(one) for one in self.corners_mm]
-            raise refused("corners_mm", listed, "corners of a four-sided field without a dent or crossing")
+            order = "first row first and last column, last row first and last column"
+            raise refused(
+                "corners_mm", listed, f"in this order the sides cross or bend inwards; allowed: {order}"
+            )
         return self

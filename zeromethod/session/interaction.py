@@ -64,7 +64,7 @@ class Interaction:
         elif step.surface is None or step.state in UNSEEN:
             events = self._pointers.unread(step.time_ns)
         else:
-            events = self._pointers.follow(step.touching, step.time_ns)
+            events = self._pointers.follow(step.touching, step.time_ns, step.surface)
         self._said.append((events, self._pointers.down, step.time_ns))
         return replace(step, pointers=events)
 

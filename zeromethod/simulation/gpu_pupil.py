@@ -8,7 +8,7 @@ from zeromethod.gl import program
 from zeromethod.optics.pupil import footprint_terms
 from zeromethod.rig.model import Rig
 from zeromethod.simulation.gpu_target import Pass, RenderTarget, constants
-from zeromethod.simulation.pupil import SAMPLES
+from zeromethod.simulation.pupil import ON_RING, SAMPLES
 
 _MEAN, _SPREAD, _LIGHT = range(3)
 
@@ -26,7 +26,7 @@ class GpuPupil:
                 context,
                 program(
                     context, "bench_screen.vert", "bench_pupil.frag",
-                    PART=part, SHIFTS=shifts, SAMPLES=SAMPLES, UNIT=unit,
+                    PART=part, SHIFTS=shifts, SAMPLES=SAMPLES, ON_RING=ON_RING, UNIT=unit,
                 ),
             )
             for part in (_MEAN, _SPREAD, _LIGHT)

@@ -14,14 +14,19 @@ from zeromethod.arrays import Float
 from zeromethod.optics.pupil import footprint_terms, quadratic_terms
 from zeromethod.rig.model import Rig
 
-SAMPLES = 24
-"""Points of the pupil, evenly over its area."""
+RINGS, ON_RING = 3, 8
+SAMPLES = RINGS * ON_RING
+"""Points of the pupil: on rings of equal area, every other one turned by half a step.
+
+Their moments to the third are the disc's, so that a dent is seen neither moved nor too wide. (A spiral of as
+many is off the middle by a fiftieth of the radius: 12 nm of a pad of 50 um.)
+"""
 
 
-def spiral() -> Float:
-    """(SAMPLES, 2) points of the unit disc on Vogel's spiral."""
-    k = np.arange(SAMPLES)
-    radius, angle = np.sqrt((k + 0.5) / SAMPLES), k * np.pi * (3 - np.sqrt(5))
+def points() -> Float:
+    """(SAMPLES, 2) points of the unit disc."""
+    ring, on_ring = np.divmod(np.arange(SAMPLES), ON_RING)
+    radius, angle = np.sqrt((ring + 0.5) / RINGS), (on_ring + 0.5 * (ring % 2)) * (2 * np.pi / ON_RING)
     return np.stack((radius * np.cos(angle), radius * np.sin(angle)), axis=-1)
 
 
@@ -51,7 +56,7 @@ class Pupil:
         lit = np.where(np.isnan(bent[..., 0]) | np.isnan(gain), 0.0, gain)
         bent = np.where(lit[..., None] > 0, bent, 0.0)
         total, first, second = np.zeros(lit.shape), np.zeros(bent.shape), np.zeros((*lit.shape, 3))
-        for x, y in spiral():
+        for x, y in points():
             share = self._shifted(lit, x, y)
             off = np.stack([self._shifted(lit * bent[..., k], x, y) for k in (0, 1)], axis=-1)
             with np.errstate(invalid="ignore", divide="ignore"):
@@ -70,7 +75,7 @@ class Pupil:
 
     def mean_light(self, light: Float) -> Float:
         """Mean of light (rows, cols)."""
-        return np.asarray(np.mean([self._shifted(light, x, y) for x, y in spiral()], axis=0))
+        return np.asarray(np.mean([self._shifted(light, x, y) for x, y in points()], axis=0))
 
     def _shifted(self, values: Float, x: float, y: float) -> Float:
         """Values, bilinear, where rays through the point (x, y) of the pupil meet the mirror."""
