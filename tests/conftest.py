@@ -4,6 +4,7 @@ Contexts of both backends live side by side for the whole session; a test that d
 one entered, so objects always go to the context they belong to.
 """
 
+import math
 import os
 import sys
 from collections.abc import Iterator
@@ -24,6 +25,7 @@ from xdist.scheduler import LoadScopeScheduling
 
 from zeromethod.gl import collect, create_context
 from zeromethod.gl.context import BACKENDS, VARIABLE
+from zeromethod.view import progress
 
 REAL_TIME = (
     "loop/test_live_",
@@ -82,6 +84,12 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> _Together:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """In `ORDER`, then the others as they come."""
     items.sort(key=lambda item: [not item.nodeid.startswith(first) for first in ORDER])
+
+
+@pytest.fixture(autouse=True)
+def _no_lines_of_progress(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a busy machine any command may last so long that it says how far it is."""
+    monkeypatch.setattr(progress, "EVERY_S", math.inf)
 
 
 @pytest.fixture(params=BACKENDS, scope="session")

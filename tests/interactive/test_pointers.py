@@ -61,6 +61,19 @@ def test_a_finger_whose_dent_is_gone_is_up_in_the_first_reading_without_it(left,
     assert said[readings - 1][0].type is PointerType.UP
 
 
+def test_a_piece_of_a_finger_that_lifts_is_no_move_unless_it_stays():
+    pointers = Pointers(SPEC)
+    pointers.follow([FINGER], 0)
+    piece = replace(FINGER, x_mm=42.6, area_mm2=2.0, force_n=0.1)
+    assert pointers.follow([piece], FRAME_NS) == ()
+    (moved,) = pointers.follow([piece], 2 * FRAME_NS)
+    assert (moved.type, moved.x_mm) == (PointerType.MOVE, 42.6)
+    pointers.follow([FINGER], 3 * FRAME_NS)
+    assert pointers.follow([piece], 4 * FRAME_NS) == ()
+    said = pointers.follow([], 5 * FRAME_NS), pointers.follow([], 6 * FRAME_NS)
+    assert [(one.type, one.x_mm) for events in said for one in events] == [(PointerType.UP, 40.0)]
+
+
 def test_a_row_of_each_finger_says_how_it_came_and_ended():
     pointers = Pointers(SPEC)
     other = replace(FINGER, id=2, x_mm=60.0)

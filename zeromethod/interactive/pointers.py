@@ -25,6 +25,9 @@ UNKNOWN_S = 0.25
 """Time without any reading after which nobody knows where fingers are."""
 _MOVED_SIGMAS, _PRESSED_SIGMAS, _LEAST_PRESSURE = 0.5, 2.0, 0.01
 """Least of what is a move: of the place, by its sigma; of the force, by its sigma and in pressure."""
+_PIECE = 0.25
+"""Area over that of the reading before, below which a contact is a piece of the finger's rim: what is seen of
+one that lifts while the frame is exposed, up to 3 mm aside. It is no move unless it stays."""
 _NO_FORCE = 0.5
 """Pressure of a pointer that touches where no force is read. Source: W3C Pointer Events, `pressure`."""
 KEPT = 64
@@ -123,10 +126,11 @@ class PointerEvent:
 
 @dataclass(slots=True)
 class _Down:
-    """A finger that is down: what was said of it last, its depth, and in how many readings it is missing."""
+    """A finger that is down: what was said of it last, its dent, and in how many readings it is missing."""
 
     said: PointerEvent
     depth_mm: float
+    area_mm2: float
     missing: int = 0
 
     def has_no_dent(self, surface: Surface) -> bool:
@@ -160,11 +164,9 @@ class Pointers:
         here = {one.id: one for one in contacts}
         self._ended &= here.keys()  # a finger that was cancelled says nothing until it is lifted
         for number, down in list(self._down.items()):
-            if number in here:
-                down.missing, down.depth_mm = 0, here[number].depth_mm
-                continue
-            down.missing += 1
-            if down.missing >= LIFTED_FRAMES or (surface is not None and down.has_no_dent(surface)):
+            down.missing = 0 if number in here else down.missing + 1
+            gone = down.missing > 0 and surface is not None and down.has_no_dent(surface)
+            if gone or down.missing >= LIFTED_FRAMES:
                 events.append(self._end(number, PointerType.UP, time_ns))
         for number, contact in here.items():
             if number in self._ended:
@@ -172,10 +174,14 @@ class Pointers:
             if number not in self._down:
                 event = self._event(PointerType.DOWN, contact, time_ns, is_primary=not self._down)
                 event = replace(event, number=next(self._numbers))
-                self._down[number] = _Down(event, contact.depth_mm)
+                self._down[number] = _Down(event, contact.depth_mm, contact.area_mm2)
                 events.append(event)
                 continue
             down = self._down[number]
+            piece, down.area_mm2 = contact.area_mm2 < _PIECE * down.area_mm2, contact.area_mm2
+            if piece:
+                continue
+            down.depth_mm = contact.depth_mm
             event = self._event(PointerType.MOVE, contact, time_ns, is_primary=down.said.is_primary)
             if _differs(event, down.said):
                 down.said = replace(event, number=next(self._numbers))
