@@ -8,10 +8,13 @@ import sys
 import time
 from contextlib import contextmanager
 
+import numpy as np
 import pytest
 from rich.console import Console
 
 from zeromethod.errors import InputError
+from zeromethod.light_array.devices import ArraysLost, LightArrays
+from zeromethod.light_array.exchange import Exchange, no_record
 from zeromethod.light_array.link import LinkedArrays
 from zeromethod.light_array.rig import load_light_array
 from zeromethod.light_array.session import LightSession
@@ -102,6 +105,25 @@ def test_the_stand_in_ends_and_refuses_in_one_line():
             with stand_in(given, stderr=subprocess.PIPE) as (process, _):
                 assert process.wait(20) == 2
                 assert process.stderr.read() == f"stand_in: {words}\n"
+
+
+def test_a_link_that_breaks_while_nothing_comes_is_opened_again():
+    class Unplugged(LightArrays):
+        def send(self, number, levels):
+            if number == 1 and link.counts["times without readings"]:
+                raise ArraysLost("Network is unreachable")
+
+        def receive(self, timeout_s):
+            return None
+
+    link = Exchange(Unplugged(), 5.0, no_record)
+    link.send(np.zeros(256, np.uint16))
+    assert link.next() is None
+    assert link.counts["arrays lost"] == 1
+    assert link.trouble == (
+        State.HOLDING,
+        "the arrays were lost and are open again: Network is unreachable",
+    )
 
 
 def test_arrays_that_never_come_leave_no_figures(tmp_path):

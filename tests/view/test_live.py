@@ -79,6 +79,7 @@ def test_the_reason_of_a_state_is_shown_whole_in_a_narrow_terminal():
 def test_without_a_terminal_a_line_now_and_then_says_how_far_it_is(monkeypatch):
     now_s = [0.0]
     monkeypatch.setattr("zeromethod.view.progress.time.monotonic", lambda: now_s[0])
+    monkeypatch.setattr("zeromethod.view.progress.EVERY_S", 10.0)
     console = Console(file=StringIO(), width=80)
     with LiveStatus(console, 60.0, "seconds") as live:
         for second in range(31):

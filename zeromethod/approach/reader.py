@@ -1,4 +1,4 @@
-"""Frames of the watch camera in, what comes out."""
+"""Reads frames of the watch camera: what comes, when and where it will touch."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from zeromethod.optics.prism import PrismGeometry
 from zeromethod.rig.model import Rig
 
 LEAST_GREY = 8.0
-"""Mean light over black, grey levels, below which the watch camera sees nothing."""
+"""Median light above black, in grey levels of 8 bits, below which the frame is too dark."""
 ONE_PICTURE = "one thing in both halves of the frame, across their seam: the views of two lenses are needed"
 CROSSED_MM = 30.0
-"""Height at which views that cross are wider than what comes: neither is it cut by both at their seam."""
+"""Height at which it is decided whether the two views cross (`_over_seam`)."""
 SAME_FRAMES = 4
-"""Frames in a row that are the same to the last bit: a camera's noise never does that."""
+"""After so many repeats, bit for bit, the camera is at fault: noise never repeats."""
 
 
 class WatchReader:
@@ -57,7 +57,7 @@ class WatchReader:
         self._same = 0
 
     def take(self, image: Image, time_ns: int) -> Approach:
-        """What comes by a frame with mid-exposure `time_ns`."""
+        """What comes, by a frame with mid-exposure `time_ns`."""
         if trouble := self._trouble(image):
             self._track = None
             return Approach(watching=Watching.BLIND, time_ns=time_ns, reason=trouble)
@@ -82,7 +82,7 @@ class WatchReader:
         return self._crossed and joined and level
 
     def _misses(self, approach: Approach) -> bool:
-        """Whether what comes touches beside the mirror, all of it."""
+        """Whether all of what comes will miss the mirror."""
         if self._track is None or not approach.armed:
             return False
         place = np.array([approach.x_mm, approach.y_mm])
@@ -109,7 +109,7 @@ class WatchReader:
         return self._track.approach()
 
     def _trouble(self, image: Image) -> str:
-        """Why a frame says nothing; empty where it does."""
+        """Why a frame cannot be used; "" where it can."""
         if image.shape != self._shape:
             return f"frames of {image.shape} (rows, columns), the rig says {self._shape}"
         same = self._last is not None and np.array_equal(image, self._last)

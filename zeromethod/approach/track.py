@@ -1,4 +1,4 @@
-"""From spots to what comes: constant velocity for half a second at most, time and place of the touch."""
+"""Follows one object: its velocity, and from that time and place of its touch."""
 
 from __future__ import annotations
 
@@ -14,41 +14,43 @@ from zeromethod.approach.spot import ROUGHEST, Spot
 from zeromethod.arrays import Float
 
 WINDOWS_S = (0.5, 0.25, 0.1)
-"""How long an object's velocity is taken to stay the same: the longest that fits a straight line."""
+"""Velocity is taken from the longest of these times in which the places lie on a straight line."""
 STRAIGHT = 3.0
-"""Scatter about it over sigma, up to which it fits."""
+"""They do where they scatter about the line by less than so many sigmas."""
 LEAST_SPOTS, LEAST_CUT = 3, 5
-"""Spots in a row from which a velocity is believed; of what was not yet seen whole, as shadows at the border
-are not."""
+"""Consecutive spots that a velocity needs; the second number as long as the object was never seen whole: it
+may be a shadow at the border."""
 SIGNIFICANT = 4.0
-"""Speeds over their sigma from which something comes."""
+"""Speed towards the mirror, over its sigma, from which an object is coming."""
 SOON_S = 2.5
-"""A touch that is farther away arms nothing."""
+"""A touch later than this does not arm the loop."""
 SLOWEST_MM_S = 3.0
 JUMP_MM, JUMP_SHARE = 1.0, 0.02
-"""Scatter of heights about a straight line, mm and a share of the height, from which nothing comes."""
+"""An object whose heights scatter more about a line does not count as coming: mm, share of the height."""
 MISSED_S = 0.12
-"""How long a track goes on without a spot; what comes does as long as its velocity is taken to stay."""
+"""How long an object is followed without a spot, if it is not coming (else: `Track.kept_s`)."""
 KEPT_S = 0.5
 """How long the loop stays armed after the time of the touch."""
 FLOOR_MM, FLOOR_SHARE = 0.03, 0.0005
-"""Standard deviation of a spot's place at the least: mm and a share of its height."""
+"""Least standard deviation of a spot's place: mm, and a share of its height."""
 SIZE_MM, SIZE_SHARE = 0.03, 0.005
-"""The same of a radius, that no number of spots takes away."""
+"""Least standard deviation of the radius, however many spots it is the mean of: mm, and a share of it."""
 UNEVEN, EVEN_SHARE = 1.0, 0.9
-"""How far radii lie from their median, over the larger of sigma and a tenth, from which nothing comes; the
-share of them that must be nearer: one wrong radius of eight is too many, of a dozen is not."""
+"""An object counts as coming only if this share (the second number) of its radii lie near their median:
+within the first number of deviations, each of sigma and a tenth of the median. One wrong radius of eight is
+too many, of a dozen it is not."""
 CUT_SHARE = 0.3
-"""Standard deviation of middle and radius of what a view cuts, over its reach."""
+"""Standard deviation of middle and radius of an object that a view cuts, over its reach."""
 COMMON, MOST_FAVOUR = 3.0, 2.0
-"""Pixels that err together when a flat body is told from a round one; most that one frame says of it."""
+"""For flat against round: so many pixels count as one, as they err together; most that one frame adds to the
+logarithm of the odds."""
 ROUGH = 0.1
-"""A body of whose light this share is not explained is no ball, rod or plate."""
+"""A body that leaves more of its light unexplained (`Body.rough`) is no ball, rod or plate."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Line:
-    """Straight line through places: (3,) place and velocity at the newest one, sigmas, scatter of heights."""
+    """Straight line through places: (3,) newest place, mm, and velocity, mm/s; sigmas; scatter of heights."""
 
     place: Float
     velocity: Float
@@ -58,7 +60,7 @@ class _Line:
 
 
 class Track:
-    """Spots of one thing."""
+    """The spots of one object, in turn."""
 
     def __init__(self, now_ns: int, spot: Spot) -> None:
         self._start_ns, self._run = now_ns, 0
@@ -74,34 +76,34 @@ class Track:
 
     @property
     def known(self) -> Spot | None:
-        """The newest spot of what comes."""
+        """The newest spot of an object that is coming; None of others."""
         return self._seen[-1][1] if self._armed else None
 
     @property
     def reach_mm(self) -> float:
-        """How far its touch may reach from where it is expected."""
+        """How far from the expected place of the touch the object may reach."""
         return self._seen[-1][1].flat.reach_mm
 
     def fits(self, now_ns: int, spot: Spot) -> bool:
-        """Whether a spot may be the same thing, at most half a metre per second from the last."""
+        """Whether a spot may be the same object: it moves at half a metre per second at most."""
         reach_mm = 5.0 + 0.5e-6 * (now_ns - self.time_ns)
         return float(np.linalg.norm(spot.flat.place - self.last)) < reach_mm
 
     def add(self, now_ns: int, spot: Spot) -> None:
-        """Take in a spot."""
+        """Add the object's spot in a frame."""
         self.time_ns = now_ns
         self._run += 1
         self._whole |= not spot.cut
         self._seen.append((1e-9 * (now_ns - self._start_ns), spot))
 
     def kept_s(self, *, still_seen: bool) -> float:
-        """How long it goes on without a spot: until its touch where both lenses still see something."""
+        """How long it is followed without a spot: until its touch where both lenses still see something."""
         if not self._armed:
             return MISSED_S
         return max(self._contact_s + KEPT_S, WINDOWS_S[0]) if still_seen else WINDOWS_S[0]
 
     def missed(self, now_ns: int) -> Approach:
-        """What is known of it in a frame without a spot: the last, carried on by its velocity."""
+        """What is known of the object in a frame without a spot: the last, extrapolated by its velocity."""
         self._run = 0
         last = self.approach()
         gone_s = 1e-9 * (now_ns - self.time_ns)
@@ -112,9 +114,9 @@ class Track:
         )  # fmt: skip
 
     def _fitting(self, bodies: list[Body]) -> tuple[_Line, Float]:
-        """The longest straight line of bodies of one kind that explain the light; `_radius` of these bodies.
+        """The straight line through the bodies of one kind (flat or round), and `_radius` of them.
 
-        Of a flat and a round body the wrong one may not fit at all.
+        Bodies that do not explain the light are left out: those of the wrong kind may not fit at all.
         """
         fits = np.flatnonzero([one.rough <= ROUGHEST for one in bodies])
         kept = fits if fits.size >= LEAST_SPOTS else np.arange(len(bodies))
@@ -145,7 +147,7 @@ class Track:
         return found, _radius(bodies, by_cut)
 
     def approach(self) -> Approach:
-        """What is known of it."""
+        """What is known of the object."""
         least = LEAST_SPOTS if self._whole else LEAST_CUT
         if len(self._seen) < least:
             return Approach(watching=Watching.SEEN, time_ns=self.time_ns)
@@ -191,7 +193,7 @@ class Track:
 
 
 def _favour(flat: Body, round_: Body) -> float:
-    """Logarithm of how much more probable round is than flat."""
+    """Logarithm of the odds of round against flat, by one frame."""
     least = max(min(flat.misfit, round_.misfit), 1.0)
     found = 0.5 * (flat.misfit - round_.misfit) / least * flat.pixels / COMMON
     return float(np.clip(found, -MOST_FAVOUR, MOST_FAVOUR))

@@ -102,6 +102,8 @@ class Exchange:
         """Return the next readings; None for late ones, or where none came in time. Raises GivenUp."""
         try:
             got = self.arrays.receive(_TIMEOUT_S)
+            if got is None:
+                self._silent()
         except ArraysLost as error:
             self._lost(str(error))
             return None
@@ -109,7 +111,6 @@ class Exchange:
             self.counts["frames broken on the way"] += broken
             self._refused = self.arrays.refused
         if got is None:
-            self._silent()
             return None
         self.record("readings", got.number, got.shown, got.time_ns, got.counts)
         self._silent_s, self.trouble = 0.0, None

@@ -1,4 +1,4 @@
-"""The loop of LED and detector arrays: readings in, depth modes and the next levels out."""
+"""The loop of LED and detector arrays: takes readings, fits depth modes, sends the next levels."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The rig file of LED and photodetector arrays: its tables, and how it differs from a camera's."""
+"""The rig file of LED and photodetector arrays: its tables and their rules."""
 
 from __future__ import annotations
 
@@ -21,11 +21,15 @@ SIDE = 16
 """LEDs and detectors along each side of their arrays."""
 
 Channels = tuple[Annotated[int, Field(ge=0, lt=SIDE * SIDE)], ...]
-"""Numbers of LEDs or detectors: row * 16 + column, column along the face, row along y."""
+"""Numbers of LEDs or detectors: row * 16 + column; columns along the face, rows along y."""
 
 
 class Leds(Table):
-    """LEDs on the pattern face. spot_mm: Gaussian sigma of one LED's light on the diffuser."""
+    """LEDs on the pattern face.
+
+    pitch_mm: from LED to LED. centre_mm: of the array, from P0 along the face, and y. spot_mm: Gaussian sigma
+    of one LED's light on the diffuser.
+    """
 
     pitch_mm: Positive
     centre_mm: Vector2
@@ -42,8 +46,9 @@ class Leds(Table):
 class Detectors(Table):
     """Photodetectors on the camera face, each behind a lens that looks along the face's normal.
 
-    aperture_mm, acceptance_mrad: Gaussian sigmas of where on the face and from where light is taken in.
-    noise: standard deviation of one reading, of full scale.
+    pitch_mm, centre_mm: as of the LEDs, on their own face. aperture_mm, acceptance_mrad: Gaussian sigmas of
+    the place on the face and of the direction from which a detector takes in light. noise: standard deviation
+    of one reading, of full scale.
     """
 
     pitch_mm: Positive
@@ -55,7 +60,7 @@ class Detectors(Table):
 
 
 class Pattern(Table):
-    """Levels at rest: mean (1 + contrast (cos + cos) / ...), crossed cosines of whole LED pitches."""
+    """Levels at rest: mean (1 + contrast (cos + cos)), crossed cosines with a period of whole LED pitches."""
 
     mean: Annotated[float, Field(gt=0, lt=1)]
     contrast: Annotated[float, Field(gt=0, le=0.6)]
@@ -69,7 +74,7 @@ class Control(Table):
 
 
 class Frame(Table):
-    """Opening of the stiff frame that holds the mirror's border at rest, on the mirror."""
+    """Opening of the stiff frame that keeps the mirror's border at rest, in mm on the mirror: from, to."""
 
     x_mm: Vector2
     y_mm: Vector2
@@ -84,7 +89,11 @@ class Frame(Table):
 
 
 class Reading(Table):
-    """How many modes depth is read in, and what dents are expected: their least sigma and rms depth."""
+    """How depth is read.
+
+    modes: of how many modes it is the sum. dent_mm: Gaussian sigma of the narrowest dents expected. depth_mm:
+    their rms depth.
+    """
 
     modes: Annotated[int, Field(ge=6, le=100)]
     dent_mm: Positive
@@ -92,17 +101,23 @@ class Reading(Table):
 
 
 class Arrays(Table):
-    """Where the arrays are: "simulated", udp://HOST:PORT or serial:///dev/NAME."""
+    """Where the arrays are: "simulated", udp://HOST:PORT or serial:///dev/NAME.
+
+    reopen_s: how long lost arrays are tried again.
+    """
 
     address: Text = "simulated"
     reopen_s: Annotated[float, Field(ge=0, le=600)] = 10.0
 
 
 class Simulation(Table):
-    """The simulated arrays, and faults planted from `fault_s` of the scenario on.
+    """The simulated arrays, and faults that begin `fault_s` after the scenario does.
 
-    led_spread, detector_spread: rms of their gains about 1. drift_per_s: relative. lose_frames: lost
-    readings. turned_mrad: by how much the detectors are truly turned about y against the rig file.
+    begin_s: when the scenario begins: the start is measured before. led_spread, detector_spread: standard
+    deviation of their gains about 1. latency_frames: how many readings late levels are lit. drift_per_s:
+    relative change of gain. ambient: light from outside, of full scale. brightness: of all LEDs, over rest.
+    turned_mrad: by how much the detectors are truly turned about y against the rig file. lose_frames: numbers
+    of readings that are lost. stall_at_frame, stall_s: from which reading on, and how long, none comes.
     """
 
     seed: Count = 0
@@ -173,22 +188,16 @@ def checked(data: dict[str, Any], where: str | Path) -> LightArrayRig:
     return rig
 
 
-def parse(text: str, where: str | Path) -> LightArrayRig | None:
-    """Rig of a file's text; None where it is none of arrays, or no TOML, which `load_rig` then refuses."""
-    try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError:
-        return None
-    return checked(data, where) if LIGHT_ARRAY_TABLES & set(data) else None
-
-
 def load_light_array(name: str | Path) -> LightArrayRig | None:
-    """Rig of arrays from a file, or the packaged "leds"; None where it is a camera's rig, or missing."""
-    if str(name) in LIGHT_ARRAYS:
-        path = resource("calibration", "rigs", f"{name}.toml")
-    else:
-        try:
-            path = rig_path(name)
-        except InputError:
-            return None
-    return parse(read_text(path), path)
+    """Rig of arrays from a file, or the packaged "leds".
+
+    None for a camera's rig, and for what is no rig file: `load_rig` refuses that. Raises InputError, as
+    `checked`, for the first wrong value.
+    """
+    packaged = str(name) in LIGHT_ARRAYS
+    try:
+        path = resource("calibration", "rigs", f"{name}.toml") if packaged else rig_path(name)
+        data = tomllib.loads(read_text(path))
+    except (InputError, tomllib.TOMLDecodeError):
+        return None
+    return checked(data, path) if LIGHT_ARRAY_TABLES & set(data) else None

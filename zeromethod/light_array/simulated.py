@@ -1,7 +1,8 @@
-"""Simulated arrays: light followed ray by ray from the detectors to the LEDs by the true mirror, with faults.
+"""Simulated arrays, with faults: light is followed ray by ray, from detectors by the true mirror to the LEDs.
 
-It shares nothing with the reader but the rig file: sixteen rays for each detector over lens and acceptance,
-met with the true dents and their images in the frame, and every LED's spot at every ray's end.
+The estimate shares nothing with it but the rig file and the prism's length. Each detector has sixteen rays,
+over its lens and its acceptance; each is reflected by the true dents, which have images in the frame, and
+ends in the spots of the LEDs.
 """
 
 from __future__ import annotations
@@ -11,18 +12,20 @@ import numpy as np
 from zeromethod.arrays import Float
 from zeromethod.light_array.devices import FULL_SCALE, Counts, LightArrays, Readings
 from zeromethod.light_array.rig import SIDE, LightArrayRig
-from zeromethod.rig.prism_tables import Prism
+from zeromethod.optics.prism import PrismGeometry
 from zeromethod.simulation.press import Mirror
 from zeromethod.simulation.scenario import Scenario, load_scenario
 
 _PAIRS = np.sqrt(2) * np.array([(1, 0), (-1, 0), (0, 1), (0, -1)])
-"""Place on the lens and direction, in sigmas, that stand for all along one axis: exact to third order."""
+"""Place on the lens and direction, in sigmas, of the four rays along one axis: they have the means and
+variances of all light, and so are exact to third order."""
 
 _PASSES = 2
+"""Newton steps that find where a ray meets the mirror."""
 
 
 class FramedMirror:
-    """The true mirror in its frame: dents add up with their images, so that it is at rest along the frame."""
+    """The true mirror in its frame: each dent has images beyond the frame, so that depth along it is 0."""
 
     def __init__(self, mirror: Mirror, rig: LightArrayRig) -> None:
         self._mirror = mirror
@@ -43,7 +46,7 @@ class FramedMirror:
         return (both * depth).sum(0), (signs[:, 1] * by_x).sum(0), (signs[:, 0] * by_y).sum(0)
 
     def peak(self, x: Float, y: Float) -> float:
-        """Depth where |depth| is greatest, near points of a grid x (n,), y (m,), mm."""
+        """Depth, mm, where |depth| is greatest, found on a grid x (n,), y (m,), then on finer ones around."""
         for _ in range(2):
             across, along = np.meshgrid(x, y)
             depth = self.field(across, along)[0]
@@ -57,7 +60,10 @@ class FramedMirror:
 
 
 class SimulatedArrays(LightArrays):
-    """Arrays in simulated time. scenario: what presses, from `simulation.begin_s` on."""
+    """Arrays in simulated time, which passes by one reading with each call of `receive`.
+
+    scenario: what presses, from `simulation.begin_s` on.
+    """
 
     def __init__(self, rig: LightArrayRig) -> None:
         self.rig = rig
@@ -82,7 +88,7 @@ class SimulatedArrays(LightArrays):
         self._waiting.append((number, levels.copy()))
 
     def receive(self, timeout_s: float) -> Readings | None:
-        """Return the next readings; time passes by it alone."""
+        """Return the next readings; None while the arrays stall."""
         spec, rate_hz = self.rig.simulation, self.rig.detectors.rate_hz
         if self._number == spec.stall_at_frame and self._stall_s > 0:
             self._stall_s -= timeout_s
@@ -97,15 +103,15 @@ class SimulatedArrays(LightArrays):
         return Readings(number, self._shown[0], round(1e9 * number / rate_hz), self._read(number / rate_hz))
 
     def scenario_ns(self, time_ns: int) -> int:
-        """Time of the scenario at a time of the arrays, ns."""
+        """Time of the scenario, ns, at a time of the arrays' clock."""
         return time_ns - round(1e9 * self.rig.simulation.begin_s)
 
     def true_mirror(self, time_ns: int) -> FramedMirror:
-        """The mirror at a time of the arrays."""
+        """The mirror at a time of the arrays' clock."""
         return FramedMirror(self.scenario.mirror_at(self.scenario_ns(time_ns)), self.rig)
 
     def phase_at(self, time_ns: int) -> str:
-        """Part of the scenario at a time of the arrays."""
+        """Part of the scenario at a time of the arrays' clock."""
         return self.scenario.phase_at(self.scenario_ns(time_ns)) or ""
 
     def _read(self, time_s: float) -> Counts:
@@ -159,19 +165,14 @@ class SimulatedArrays(LightArrays):
 
 
 def _spot(at: Float, leds: Float, spot_mm: float, pitch_mm: float) -> Float:
-    """(n, rays, 16) light of a row of spots; all rows and columns together are about 1 everywhere."""
+    """(n, rays, 16) light of a row of LEDs' spots. Of all LEDs together it is about 1 everywhere."""
     scale = pitch_mm / (np.sqrt(2 * np.pi) * spot_mm)
     return np.asarray(scale * np.exp(-((at[..., None] - leds) ** 2) / (2 * spot_mm**2)))
 
 
 def _rays(rig: LightArrayRig) -> tuple[Float, Float]:
-    """Starts and directions (256, 16, 3) of the rays of every detector, with equal shares of its light."""
-    prism: Prism = rig.prism
-    alpha, beta = np.radians(prism.pattern_angle_deg), np.radians(prism.camera_angle_deg)
-    length = prism.mirror_length_mm
-    if length is None:
-        assert prism.pattern_length_mm is not None
-        length = prism.pattern_length_mm * np.sin(alpha + beta) / np.sin(beta)
+    """Starts and directions (256, 16, 3) of the rays of every detector; each has as much of its light."""
+    beta, length = np.radians(rig.prism.camera_angle_deg), PrismGeometry(rig.prism).length_mm
     detectors, turned = rig.detectors, 1e-3 * rig.simulation.turned_mrad
     steps = (np.arange(SIDE) - (SIDE - 1) / 2) * detectors.pitch_mm
     v, u = (part.ravel()[:, None] for part in np.meshgrid(steps, steps, indexing="ij"))

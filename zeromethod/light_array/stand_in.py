@@ -1,11 +1,11 @@
-"""Stands in for real arrays: a process that serves simulated ones by UDP or a pseudo-terminal, with faults.
+"""A process that serves simulated arrays by UDP or a pseudo-terminal, with faults, in place of real ones.
 
     python -m zeromethod.light_array.stand_in udp://127.0.0.1:5010 --scenario step
     python -m zeromethod.light_array.stand_in serial --lose 0.01 --break 0.01
 
-It sends a reading, waits at most `--wait` for the levels that answer it, and goes on: its clock is simulated
-time, so that a slow host, or computer, loses nothing. The first line on standard output is the address to
-give to `run --camera`.
+It sends a reading, waits at most `--wait` for the levels that answer it, and sends the next one. Its clock is
+simulated time, so that nothing is lost on a slow computer. The first line on standard output is the address
+for `run --camera`.
 """
 
 from __future__ import annotations
@@ -73,11 +73,7 @@ class _Line:
     "--break", "broken", type=click.FloatRange(0, 1), default=0.0, help="Share that are broken on the way."
 )
 @click.option(
-    "--stall",
-    nargs=2,
-    type=float,
-    default=(0.0, 0.0),
-    help="Send nothing from this frame on, for so long, s.",
+    "--stall", nargs=2, type=float, default=(0, 0), help="Send nothing from this frame on, for so long, s."
 )
 @click.option("--end", type=int, default=None, help="End after so many frames.")
 @click.option("--wait", "wait_s", type=float, default=0.02, help="Wait so long for an answer, s.")
@@ -105,7 +101,7 @@ def _serve(
     line: _Line, device: SimulatedArrays, lose: float, broken: float, stall: tuple[float, float],
     end: int | None, wait_s: float,
 ) -> None:  # fmt: skip
-    """Give readings, as the options say, until the end."""
+    """Answer levels with readings, as the options say, until the end."""
     luck, count = np.random.default_rng(0), 0
     click.echo(line.address)
     sys.stdout.flush()

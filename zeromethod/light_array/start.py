@@ -1,4 +1,4 @@
-"""What is measured before the loop closes, at rest: dark readings, each LED alone, the pattern."""
+"""What is measured before the loop closes, with the mirror at rest: darkness, each LED alone, the pattern."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from zeromethod.light_array.rig import SIDE, LightArrayRig
 
 _DARK_FRAMES, _REST_FRAMES = 100, 250
 _ROUNDS, _MOST_ROUNDS = 8, 24
-"""How often each LED is lit alone, and at most where readings are lost."""
+"""How often each LED is lit alone; at most, where readings are lost."""
 
 _FITS, _STEP = 2, 0.01
 """How often places and gains are fitted in turn; by how many LED pitches places are moved to find out what
@@ -88,7 +88,7 @@ def measure_start(rig: LightArrayRig, model: Model, exchange: Exchange) -> Start
     faults = {f"detector {k}": "saturated" for k in np.flatnonzero(dark > _SATURATED)}
     response[dark > _SATURATED] = 0.0
     led, detector = _gains(response, footprints(model), 1)
-    for _ in range(_FITS):  # places first: gains that rise along the array would pass for another place
+    for _ in range(_FITS):  # places first: gains that change along the array look like another place
         model = _placed(model, response, led, detector)
         led, detector = _gains(response, footprints(model))
     faults |= {f"detector {k}": "dead" for k in np.flatnonzero((detector == 0) & (dark <= _SATURATED))}
@@ -103,12 +103,12 @@ def measure_start(rig: LightArrayRig, model: Model, exchange: Exchange) -> Start
 
 
 def _at_rest(model: Model) -> Light:
-    """What detectors see by the mirror at rest."""
+    """What detectors see of the LEDs in the mirror at rest."""
     return look(model, np.zeros(model.by_mode.shape[2])).light
 
 
 def footprints(model: Model) -> Float:
-    """(detectors, LEDs) light of each LED alone, at rest."""
+    """(detectors, LEDs) light that each detector sees of each LED alone, in the mirror at rest."""
     return each_led(_at_rest(model))
 
 
