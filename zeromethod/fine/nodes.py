@@ -94,10 +94,20 @@ def read_nodes(
     d_variance = matvec(across * across, noise2)
     times = np.array([frame.measured.time_ns for frame in frames], np.float64)
     coarse_d = matvec(across, coarse - shown)
-    left_s = left_late_s(coarse_d, per_late, valid, times, sequence.scan[rows])
-    coarse_d -= left_s[:, None, None] * per_late
-    seen = Readings.of(coarse_d, d_variance, valid, turns, times)
-    motion, known = Motion.of(seen, d_variance, design.weights), np.isfinite(fine).all(axis=-1)
+    middle = len(rows) // 2
+    # halves of a view come late by different times where the panel's rate is not quite the rig file's
+    for parts in ((slice(None),), (slice(middle), slice(middle, None))):
+        left_d = coarse_d.copy()
+        for part in parts:
+            late_of = coarse_d[:, part], per_late[:, part], valid[part]
+            left_d[:, part] -= left_late_s(*late_of, times) * late_of[1]
+        again = Readings.of(left_d, d_variance, valid, turns, times)
+        found = Motion.of(again, d_variance, design.weights)
+        if parts == (slice(None),) or not found.degree:
+            seen, motion = again, found
+        if not found.degree:
+            break
+    known = np.isfinite(fine).all(axis=-1)
     # the pixels' mean is late by what the nodes' fit is ahead of it
     share, fitted = (np.where(known, fine_share(seen, degree), 0.0) for degree in (0, motion.degree))
     # what is too fine or steep for a window may still be seen pixel by pixel
