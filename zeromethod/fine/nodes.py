@@ -98,12 +98,12 @@ def read_nodes(
     # halves of a view come late by different times where the panel's rate is not quite the rig file's
     for parts in ((slice(None),), (slice(middle), slice(middle, None))):
         left_d = coarse_d.copy()
-        for part in parts:
-            late_of = coarse_d[:, part], per_late[:, part], valid[part]
-            left_d[:, part] -= left_late_s(*late_of, times) * late_of[1]
+        for of in parts:
+            left_s = left_late_s(coarse_d[:, of], per_late[:, of], valid[of], times)
+            left_d[:, of] -= left_s * per_late[:, of]
         again = Readings.of(left_d, d_variance, valid, turns, times)
         found = Motion.of(again, d_variance, design.weights)
-        if parts == (slice(None),) or not found.degree:
+        if len(parts) == 1 or not found.degree:
             seen, motion = again, found
         if not found.degree:
             break
