@@ -82,37 +82,37 @@ class Background:
         step = np.where(cv2.dilate(stands, _NEAR) > 0, np.float32(HELD_GREY), np.float32(STEP_GREY))
         self._median += np.clip(off, -step, step)
         count, labels, stats, _ = cv2.connectedComponentsWithStats(stands, connectivity=8)
-        beside, ends = (set(np.unique(labels[rim]).tolist()) for rim in (self._sides, self._ends))
         largest = 1 + np.argsort(-stats[1:count, cv2.CC_STAT_AREA])[:MOST]
-        found = []
-        for k in map(int, largest[stats[largest, cv2.CC_STAT_AREA] >= LEAST_PX]):
-            parts = off, self._median, least, pixel_noise, labels == k, stats[k]
-            found.append(_silhouette(*parts, cut=k in beside | ends, aside=k in beside))
-        return found
+        return [
+            self._silhouette(off, self._median, least, pixel_noise, labels == k, stats[k])
+            for k in largest
+            if stats[k, cv2.CC_STAT_AREA] >= LEAST_PX
+        ]
+
+    def _silhouette(
+        self, off: Single, background: Single, least: float, noise: float, own: Mask, stats: Float
+    ) -> Silhouette:
+        """Of the pixels `own` (rows, cols). stats: of OpenCV's connected components."""
+        left, top, width, height = (int(stats[k]) for k in range(4))
+        rows = slice(max(top - RIM_PX, 0), min(top + height + RIM_PX, off.shape[0]))
+        cols = slice(max(left - RIM_PX, 0), min(left + width + RIM_PX, off.shape[1]))
+        inside, window = own[rows, cols].astype(np.uint8), (rows, cols)
+        seen, behind = off[window].astype(np.float64), background[window].astype(np.float64)
+        darker = float(seen[inside > 0].mean()) < 0
+        core = cv2.erode(inside, np.ones((3, 3)), borderType=cv2.BORDER_CONSTANT, borderValue=0) > 0
+        whole = core if core.sum() >= LEAST_PX else inside > 0
+        # the object's own light, by a quantile: a small one covers hardly a pixel as a whole
+        share = 0.2 if core.sum() >= LEAST_PX else 0.1
+        own_grey = float(np.quantile((seen + behind)[whole], share if darker else 1.0 - share))
+        full = np.minimum(own_grey - behind, -least) if darker else np.maximum(own_grey - behind, least)
+        # negative shares beside it stay, so that noise averages out; inside it all is covered, in any shade
+        cover = np.where(cv2.dilate(inside, _NEAR) > 0, np.minimum(seen / full, 1.0), 0.0)
+        aside = bool((own & self._sides).any())
+        cut = aside or bool((own & self._ends).any())
+        return Silhouette(rows, cols, np.where(core, 1.0, cover), seen, behind, noise, darker, cut, aside)
 
 
 def _rim(valid: Mask, kernel: Float) -> Mask:
     """Valid pixels next to invalid ones, or to the image's border, within the kernel."""
     inner = cv2.erode(valid.astype(np.uint8), kernel, borderType=cv2.BORDER_CONSTANT, borderValue=0)
     return np.asarray(valid & (inner == 0))
-
-
-def _silhouette(
-    off: Single, background: Single, least: float, noise: float, own: Mask, stats: Float,
-    *, cut: bool, aside: bool,
-) -> Silhouette:  # fmt: skip
-    left, top, width, height = (int(stats[k]) for k in range(4))
-    rows = slice(max(top - RIM_PX, 0), min(top + height + RIM_PX, off.shape[0]))
-    cols = slice(max(left - RIM_PX, 0), min(left + width + RIM_PX, off.shape[1]))
-    inside, window = own[rows, cols].astype(np.uint8), (rows, cols)
-    seen, behind = off[window].astype(np.float64), background[window].astype(np.float64)
-    darker = float(seen[inside > 0].mean()) < 0
-    core = cv2.erode(inside, np.ones((3, 3)), borderType=cv2.BORDER_CONSTANT, borderValue=0) > 0
-    whole = core if core.sum() >= LEAST_PX else inside > 0
-    # the object's own light, by a quantile: a small one covers hardly a pixel as a whole
-    share = 0.2 if core.sum() >= LEAST_PX else 0.1
-    own_grey = float(np.quantile((seen + behind)[whole], share if darker else 1.0 - share))
-    full = np.minimum(own_grey - behind, -least) if darker else np.maximum(own_grey - behind, least)
-    # beside it noise must average out, so that negative shares stay; inside it all is covered, in any shade
-    cover = np.where(cv2.dilate(inside, _NEAR) > 0, np.minimum(seen / full, 1.0), 0.0)
-    return Silhouette(rows, cols, np.where(core, 1.0, cover), seen, behind, noise, darker, cut, aside)

@@ -10,6 +10,7 @@ import termios
 import time
 import tty
 from collections import deque
+from contextlib import suppress
 
 from zeromethod.errors import InputError
 from zeromethod.light_array.devices import ArraysLost, Counts, LightArrays, Readings
@@ -52,6 +53,7 @@ class LinkedArrays(LightArrays):
             with socket.socket(family, kind) as one:
                 one.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER_BYTES)
                 one.connect(where)
+                one.setblocking(False)
                 self._handle = one.detach()
             return
         self._handle = os.open(self._path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
@@ -70,8 +72,8 @@ class LinkedArrays(LightArrays):
         try:
             while frame and select.select([], [self._handle], [], 0.05)[1]:
                 frame = frame[os.write(self._handle, frame) :]
-        except ConnectionRefusedError:
-            pass  # nobody listens there yet: no readings come either, and the state says so
+        except (ConnectionRefusedError, BlockingIOError):
+            pass  # nobody listens there yet, or takes it: no readings come either, and the state says so
         except OSError as error:
             raise ArraysLost(error.strerror or str(error)) from None
 
@@ -91,11 +93,12 @@ class LinkedArrays(LightArrays):
 
     def _read_all(self) -> None:
         """Take all bytes that have come: a read of a socket gives one packet, of a line what is there."""
-        while select.select([self._handle], [], [], 0)[0]:
-            data = os.read(self._handle, _MOST_AT_ONCE)
-            if not data and self._path is not None:
-                raise OSError("the serial line was closed")
-            self._waiting.extend(self._frames.add(data))
+        with suppress(BlockingIOError):  # that was all
+            while True:
+                data = os.read(self._handle, _MOST_AT_ONCE)
+                if not data and self._path is not None:
+                    raise OSError("the serial line was closed")
+                self._waiting.extend(self._frames.add(data))
 
     def reopen(self) -> bool:
         """Try once to open lost arrays again; whether they are open."""
