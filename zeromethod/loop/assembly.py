@@ -78,7 +78,8 @@ def make_circle(
         blur = PanelBlur(rig, rest.grid)
         expected = light if light.needed else None
         order, coded = order_check(rig, rest), burst(rig, rest)
-        unsteady = UnsteadyNodes(rest.grid.shape) if rig.target.step else None
+        saw = rest.seams is not None
+        unsteady = UnsteadyNodes(rest.grid.shape, at_rest=saw) if rig.target.step or saw else None
         return Circle(rest, exposures, sensor, controller, black_grey, expected, blur, order, coded, unsteady)
 
     warm_up(circle(), target, rig)

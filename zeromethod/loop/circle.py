@@ -319,7 +319,7 @@ class Circle:
             return None
         unsteady = None
         if self._unsteady is not None:
-            unsteady = self._unsteady.learn(measured.flags, measured.time_ns)
+            unsteady = self._unsteady.learn(measured, self.controller.estimate)
         taken = self.controller.update(residual, measured, self._horizon.age_s, unsteady)
         if not taken and measured.valid.any():
             return Event.PICTURES_MIXED
