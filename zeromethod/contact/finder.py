@@ -197,7 +197,7 @@ class ContactFinder:
         outline_mm = seen_mm - beyond * normals(seen_mm)
         pixel_mm = float(np.sqrt(area / abs(signed_area(points_px))))
         shadow_px = 0.0 if trimmed is None else trimmed.sigma_px
-        open_mm = float(np.hypot(beyond, np.hypot(_EDGE_PX, shadow_px) * pixel_mm))
+        open_mm = float(np.hypot(beyond, np.linalg.norm([_EDGE_PX, shadow_px, region.border_px]) * pixel_mm))
         own_mm = edge.sigma_px * pixel_mm
         around_mm = perimeter(outline_mm)
         apart_mm = own_mm / np.sqrt(max(around_mm / pixel_mm / WINDOW_PX, 1.0))

@@ -57,7 +57,8 @@ _SMOOTH_PARTS_PX = 3
 class Region:
     """mask, probability, columns (`GreyModel.index`): (rows, cols) from pixel (left, top) on.
 
-    parted: it has parts with something else between, which its mask takes in.
+    parted: it has parts with something else between, which its mask takes in. border_px: standard deviation
+    of how much further in or out its whole border may lie.
     """
 
     left: int
@@ -68,6 +69,7 @@ class Region:
     model: GreyModel
     scattered: float
     parted: bool = False
+    border_px: float = 0.0
 
 
 class RegionFinder:

@@ -15,6 +15,8 @@ from zeromethod.sensing.residual import Residual
 _GAP_NODES = 6
 """Tips up to twice as many nodes apart are one region's."""
 _FEWEST_NODES = 30
+_BORDER_NODES = 2.0
+"""Standard deviation of where a region's border lies."""
 _DARKEST = 0.02
 """Share of a region's pixels that are darker than the level taken as that of the tips."""
 
@@ -62,4 +64,7 @@ class TexturedFinder(RegionFinder):
         scattered, mirrored = float(np.quantile(light, _DARKEST)), median(mean[inside])
         model = self._model(max(scattered, 0.0) * mirrored, mirrored, rest)
         columns = model.index(picture * (mirrored / mean))
-        return Region(left, top, mask, mask.astype(np.float32), columns, model, scattered, parted=True)
+        # nodes around are lost, too: their windows reach into it, and the rubber beside its rim is steep
+        border_px = _BORDER_NODES * float(spacing)
+        likely = mask.astype(np.float32)
+        return Region(left, top, mask, likely, columns, model, scattered, parted=True, border_px=border_px)
