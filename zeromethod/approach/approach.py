@@ -71,6 +71,6 @@ class Approach:
         if not self.armed:
             return f"{self.watching}: {self.reason}" if self.reason else str(self.watching)
         return (
-            f"touch expected in {self.contact_s:.2f} ± {self.sigma_contact_s:.2f} s "
+            f"touch expected in {self.contact_s:.3f} ± {self.sigma_contact_s:.3f} s "
             f"at ({self.x_mm:.1f}, {self.y_mm:.1f}) ± {max(self.sigma_x_mm, self.sigma_y_mm):.1f} mm"
         )

@@ -200,7 +200,8 @@ class Pointers:
     def _end(self, number: int, kind: PointerType, time_ns: int, reason: str = "") -> PointerEvent:
         said = self._down.pop(number).said
         ended = replace(said, number=next(self._numbers), type=kind, time_ns=time_ns, reason=reason)
-        return replace(ended, pressure=0.0, force_n=0.0, sigma_force_n=0.0)
+        force = math.nan if kind is PointerType.CANCEL else 0.0
+        return replace(ended, pressure=0.0, force_n=force, sigma_force_n=force)
 
     def _event(
         self, kind: PointerType, contact: ContactFigures, time_ns: int, *, is_primary: bool

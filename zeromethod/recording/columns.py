@@ -167,7 +167,7 @@ CONTACT_STATUS: Fields = {
     "force_n": ("f8", "N", "of the contact, into the rubber"),
     "sigma_force_n": ("f8", "N", "standard deviation of force_n"),
     "motion": ("S8", "", "stick, slip or unknown"),
-    "began_s": ("f8", "s", "how long it has moved so"),
+    "lasts_s": ("f8", "s", "how long it has moved so"),
     "event": ("S8", "", "stick or slip where it is named in this frame"),
     "aliased": (
         "?",

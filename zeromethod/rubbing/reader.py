@@ -145,7 +145,7 @@ class RubbingReader:
             reasons.append("aliased: other movements are as likely")
         status = replace(
             status, motion=self._motion, event=event, aliased=aliased,
-            began_s=1e-9 * (new.time_ns - self._since_ns),
+            lasts_s=np.nan if self._motion is Motion.UNKNOWN else 1e-9 * (new.time_ns - self._since_ns),
         )  # fmt: skip
         if self._changed:
             reasons.append("speed: it started or stopped since the last frame")

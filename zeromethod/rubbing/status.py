@@ -27,7 +27,7 @@ class ContactStatus:
     spots in contact; their sigmas take the spots for a sample of the texture. spot_life_s: mean time that a
     spot stays in contact. speed_mm_s, direction_deg (from x towards y, -180 to 180): of sliding. pitch_mm:
     distance from ridge to ridge, or row to row. ridge_deg: direction across them, from x towards y, 0 to 180.
-    sigma_...: standard deviations. motion: stick or slip; began_s: for how long. event: "stick" or "slip" in
+    sigma_...: standard deviations. motion: stick or slip; lasts_s: for how long. event: "stick" or "slip" in
     the frame in which that is first reported, else "". aliased: the movement may be wrong by whole pitches:
     it is more than half a pitch per frame or per exposure, or other movements are as likely. force_n: of the
     contact. reason: why values are missing.
@@ -54,7 +54,7 @@ class ContactStatus:
     force_n: float = NAN
     sigma_force_n: float = NAN
     motion: Motion = Motion.UNKNOWN
-    began_s: float = NAN
+    lasts_s: float = NAN
     event: str = ""
     aliased: bool = False
     reason: str = ""

@@ -11,7 +11,7 @@ import numpy as np
 from zeromethod.rubbing import ContactStatus, Motion
 
 _OF_SLIP = ("speed_mm_s", "sigma_speed_mm_s", "direction_deg", "sigma_direction_deg")
-_NOT_MEASURED = ("contact_id", "began_s")
+_NOT_MEASURED = ("contact_id", "lasts_s")
 
 
 def status_figures(found: Sequence[tuple[float, ContactStatus]]) -> dict[str, Any] | None:

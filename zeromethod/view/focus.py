@@ -46,7 +46,8 @@ def sight_table(sight: Sight) -> RenderableType:
         ("usable of that", f"{report.usable_share:.1%} ({report.dark_share:.1%} dark)"),
     ]
     if math.isfinite(sight.flicker_share):
-        rows.append(("flicker", f"{sight.flicker_share:.2%} from frame to frame"))
+        lamps = f"; lamps at {sight.mains_hz:.0f} Hz" if math.isfinite(sight.mains_hz) else ""
+        rows.append(("flicker", f"{sight.flicker_share:.2%} from frame to frame{lamps}"))
     if (seen := sight.seen) is not None:
         stray = f"stray light {_number(seen.stray_share, '.1%')}"
         rows.append(("LCD", f"visible in {seen.seen_share:.0%} of the image; {_lie(seen)}; {stray}"))

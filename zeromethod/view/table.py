@@ -212,7 +212,7 @@ def summary_table(figures: Figures) -> Table:
     of = "the hold" if figures["figures_of"] == "hold" else "the run"
     if (until_s := figures["read_until_s"]) is not None:
         of = f"the run until {until_s:.2f} s"
-        rows.append(("not nulled", f"from {until_s:.2f} s to the end: the peak read is of before"))
+        rows.append(("not nulled", f"from {until_s:.2f} s to the end: figures and peak are from before"))
     for label, keys, pattern in _ROWS:
         values = [_look_up(figures, key) for key in keys]
         words = pattern.format(*values) if None not in values else ""
