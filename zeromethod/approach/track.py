@@ -202,8 +202,11 @@ def _favour(flat: Body, round_: Body) -> float:
 def _radius(bodies: list[Body], by_cut: Float) -> Float:
     """(3,) radius and its sigma, mm, of the last second, and how far most lie from the median.
 
-    by_cut: (n,) what the radius of a body may be off because its view cuts it, mm.
+    by_cut: (n,) what the radius of a body may be off because its view cuts it, mm; 0 where it is seen whole.
     """
+    if np.count_nonzero(by_cut == 0.0) < LEAST_SPOTS:
+        # of what was never seen whole, as shadows at the border are not, all sizes have to agree
+        by_cut = np.zeros_like(by_cut)
     radii = np.array([one.radius_mm for one in bodies[-30:]])
     noises = [one.sigma_radius_mm * np.sqrt(max(one.misfit, 1.0)) for one in bodies[-30:]]
     sigmas = np.hypot(np.hypot(noises, SIZE_MM), by_cut[-30:])
