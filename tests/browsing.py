@@ -136,4 +136,4 @@ def tab(opened: Any, url: str, width: int = 1280, height: int = 800) -> Iterator
     page.goto(url)
     yield page
     page.close()
-    assert not wrong
+    assert not wrong, wrong
