@@ -130,9 +130,13 @@ def compile_ahead(wanted: Sequence[Kernel], say: Callable[[str], None]) -> None:
             stack.callback(process.kill)
             threads.append(threading.Thread(target=serve, args=(process.stdin, process.stdout), daemon=True))
             threads[-1].start()
+        said = ""
         for thread in threads:
             while thread.is_alive():
-                say(f"compiling, once on a new machine: {len(ready)} of {count} functions")
+                words = f"compiling, once on a new machine: {len(ready)} of {count} functions"
+                if words != said:
+                    say(words)
+                said = words
                 thread.join(EVERY_S)
 
 
