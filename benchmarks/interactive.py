@@ -13,6 +13,7 @@ Quiet: nothing touches. Depth is noise, under no picture, a white one, and a fil
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -62,6 +63,12 @@ def places(draw: np.random.Generator) -> np.ndarray[Any, Any]:
     return np.array(found)
 
 
+def finger(radius_mm: float, points: Iterable[tuple[float, float, float, float]]) -> str:
+    """An object of a press file: a ball at points (time s, x mm, y mm, force N)."""
+    path = ", ".join(f"{{time_s = {t}, x_mm = {x}, y_mm = {y}, force_n = {f}}}" for t, x, y, f in points)
+    return f'[[object]]\nshape = "ball"\nradius_mm = {radius_mm}\npath = [{path}]\n'
+
+
 def touches(number: int) -> list[dict[str, Any]]:
     """The touches of run `number`, and what was read of them."""
     draw = np.random.default_rng((number, 22))
@@ -76,8 +83,7 @@ def touches(number: int) -> list[dict[str, Any]]:
             up = FIRST_S + group * EVERY_S + HELD_S + draw.random() * FRAME_S
             points += [(down, x, y, 0.0), (down, x, y, forces[k]), (up, x, y, forces[k]), (up, x, y, 0.0)]
             planned.append({"group": group, "x": x, "y": y, "force": forces[k], "down": down, "up": up})
-        path = ", ".join(f"{{time_s = {t}, x_mm = {x}, y_mm = {y}, force_n = {f}}}" for t, x, y, f in points)
-        text += f'[[object]]\nshape = "ball"\nradius_mm = {radii[k]}\npath = [{path}]\n'
+        text += finger(radii[k], points)
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "fingers.toml"
         file.write_text(text)

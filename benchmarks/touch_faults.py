@@ -21,9 +21,9 @@ from typing import Any, NamedTuple
 import click
 import numpy as np
 
-from benchmarks.fault_tour import FAULTS, Fault
+from benchmarks.fault_tour import FAULT_FRAME, FAULTS, Fault
 from benchmarks.honesty import FRAMES_TO_NAME, SIGMAS, turned_by_a_pixel_deg
-from benchmarks.interactive import NEAR_MM
+from benchmarks.interactive import NEAR_MM, finger
 from benchmarks.interactive import bench as interactive_bench
 from benchmarks.parts import Parts, part_options
 from benchmarks.report import Figure, Report, benchmark, start
@@ -37,7 +37,6 @@ from zeromethod.rig.model import Rig
 from zeromethod.rubbing import Motion
 from zeromethod.session.session import Session
 
-FAULT_FRAME = 28
 RATE_HZ = 60.0
 FAULT_S = (FAULT_FRAME + 0.3) / RATE_HZ
 HELD_S, END_S = 0.5, 0.15
@@ -45,7 +44,7 @@ HELD_S, END_S = 0.5, 0.15
 REOPENED_S = 1.5
 """Within which a camera that is back is opened again and its first frames are read."""
 DOWN_S = 0.3
-PLACES_MM, FORCE_N = ((34.0, -5.0), (52.0, 6.0)), 0.4
+PLACES_MM, RADIUS_MM, FORCE_N = ((34.0, -5.0), (52.0, 6.0)), 30.0, 0.4
 SPEED_MM_S = 20.0
 SETTLED_S = 0.05
 """After which stick or slip that begins is no longer news."""
@@ -91,8 +90,7 @@ def touched(case: Case) -> str:
     up, text = FAULT_S + dead_s(case.fault) + HELD_S, ""
     for x, y in PLACES_MM:
         points = ((down, 0.0), (down, FORCE_N), (up, FORCE_N), (up, 0.0))
-        path = ", ".join(f"{{time_s = {t}, x_mm = {x}, y_mm = {y}, force_n = {f}}}" for t, f in points)
-        text += f'[[object]]\nshape = "ball"\nradius_mm = 30.0\npath = [{path}]\n'
+        text += finger(RADIUS_MM, ((at, x, y, force) for at, force in points))
     return text
 
 
@@ -144,11 +142,10 @@ def fingers_of(steps: list[Step], case: Case) -> dict[str, Any]:
         lost = sum(not any(one[k] for one in near) for k in range(len(PLACES_MM)))
     ended = [event.pointer_id for event in events if event.type in (PointerType.UP, PointerType.CANCEL)]
     cancelled = sum(event.type is PointerType.CANCEL for event in events)
-    open_ones = len(downs) - len(ended)
     return {
         "invented": sum(not any(one) for one in near) + max(len(ended) - len(downs), 0),
         "lost": lost,
-        "open": max(open_ones, 0),
+        "open": max(len(downs) - len(ended), 0),
         "words": f"{len(downs)} down, {len(ended) - cancelled} up, {cancelled} cancelled",
     }
 
@@ -158,12 +155,9 @@ def motions_of(steps: list[Step], halt_s: float) -> dict[str, Any]:
     found = [(1e-9 * one.time_ns, one.contact_status) for one in steps if one.contact_status is not None]
     sticks = [at for at, one in found if one.event == "stick"]
     slips = [at for at, one in found if one.event == "slip"]
-    halts = any(at > halt_s + SETTLED_S for at, _ in found)
     invented = sum(at < halt_s for at in sticks) + max(len(slips) - 1, 0) + sum(at > halt_s for at in slips)
     still = [one for at, one in found if at > halt_s + SETTLED_S]
-    lost = int(
-        halts and halt_s < steps[-1].time_ns * 1e-9 and not (still and still[-1].motion is Motion.STICK)
-    )
+    lost = int(bool(still) and still[-1].motion is not Motion.STICK)
     off = [
         abs(one.speed_mm_s - SPEED_MM_S) / one.sigma_speed_mm_s
         for at, one in found

@@ -20,11 +20,10 @@ from PIL import Image
 from playwright.sync_api import sync_playwright
 
 WIDTH, HEIGHT = 1280, 800
+RUN = ("run", "--seconds", "600", "--view", "127.0.0.1:0")
 PRESS = ("--scenario", "ball")
 SHOWN_S = 0.9
 """Time of the run's clock at which the press is held."""
-
-
 PATIENCE_S = 600.0
 COLOURS = 256
 """Of the picture's palette, which keeps the file small."""
@@ -35,17 +34,7 @@ def shoot(path: Path, tab: str, at_s: float, options: Sequence[str]) -> None:
     chromium = next((found for name in ("chromium", "google-chrome") if (found := shutil.which(name))), None)
     if chromium is None:
         sys.exit("no chromium is installed: sh tools/system-packages.sh test installs it")
-    command = [
-        sys.executable,
-        "-m",
-        "zeromethod",
-        "run",
-        "--seconds",
-        "600",
-        "--view",
-        "127.0.0.1:0",
-        *options,
-    ]
+    command = [sys.executable, "-m", "zeromethod", *RUN, *options]
     with (
         tempfile.TemporaryDirectory() as folder,
         subprocess.Popen(command, cwd=folder, stderr=subprocess.PIPE, text=True) as run,

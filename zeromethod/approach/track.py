@@ -64,8 +64,8 @@ class Track:
 
     def __init__(self, now_ns: int, spot: Spot) -> None:
         self._start_ns, self._run = now_ns, 0
-        self._whole = self._armed = False
-        self._contact_s = 0.0
+        self._whole = False
+        self._said = Approach(watching=Watching.SEEN, time_ns=now_ns)
         self._seen: deque[tuple[float, Spot]] = deque(maxlen=64)
         self.add(now_ns, spot)
 
@@ -77,7 +77,7 @@ class Track:
     @property
     def known(self) -> Spot | None:
         """The newest spot of an object that is coming; None of others."""
-        return self._seen[-1][1] if self._armed else None
+        return self._seen[-1][1] if self._said.armed else None
 
     @property
     def reach_mm(self) -> float:
@@ -98,14 +98,13 @@ class Track:
 
     def kept_s(self, *, still_seen: bool) -> float:
         """How long it is followed without a spot: until its touch where both lenses still see something."""
-        if not self._armed:
+        if not self._said.armed:
             return MISSED_S
-        return max(self._contact_s + KEPT_S, WINDOWS_S[0]) if still_seen else WINDOWS_S[0]
+        return max(self._said.contact_s + KEPT_S, WINDOWS_S[0]) if still_seen else WINDOWS_S[0]
 
     def missed(self, now_ns: int) -> Approach:
         """What is known of the object in a frame without a spot: the last, extrapolated by its velocity."""
-        self._run = 0
-        last = self.approach()
+        self._run, last = 0, self._said
         gone_s = 1e-9 * (now_ns - self.time_ns)
         return replace(
             last, time_ns=now_ns, contact_s=last.contact_s - gone_s,
@@ -147,7 +146,11 @@ class Track:
         return found, _radius(bodies, by_cut)
 
     def approach(self) -> Approach:
-        """What is known of the object."""
+        """What is known of the object, by all of its spots."""
+        self._said = self._known_of_spots()
+        return self._said
+
+    def _known_of_spots(self) -> Approach:
         least = LEAST_SPOTS if self._whole else LEAST_CUT
         if len(self._seen) < least:
             return Approach(watching=Watching.SEEN, time_ns=self.time_ns)
@@ -183,11 +186,10 @@ class Track:
                 "contact_s": contact, "sigma_contact_s": sigma_contact,
                 "x_mm": x, "y_mm": y, "sigma_x_mm": off[0], "sigma_y_mm": off[1],
             }  # fmt: skip
-            soon = (-KEPT_S if self._armed else 0.0) < contact < SOON_S
-            if soon and (self._armed or self._run >= least):
+            armed = self._said.armed
+            soon = (-KEPT_S if armed else 0.0) < contact < SOON_S
+            if soon and (armed or self._run >= least):
                 state = Watching.COMING
-            self._contact_s = contact
-        self._armed = state is Watching.COMING
         plain: dict[str, Any] = {name: float(value) for name, value in figures.items()}
         return Approach(watching=state, time_ns=self.time_ns, **plain)
 

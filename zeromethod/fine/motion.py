@@ -178,6 +178,28 @@ def left_late_s(d: Float, per_late: Float, valid: Mask, times: Float) -> float:
     return float((late * seen).sum() / ((late**2).sum() + noise2 / _LEFT_S**2))
 
 
+def seen_motion(
+    d: Float, per_late: Float, variance: Float, valid: Mask, turns: Float, times: Float, weights: Float
+) -> tuple[Readings, Motion]:
+    """Readings without the lateness that they still have, and their motion; see there for the arguments."""
+
+    def judged(*parts: slice) -> tuple[Readings, Motion]:
+        """With each part of the view's rows as late as it is by itself."""
+        timely = d.copy()
+        for of in parts:
+            timely[:, of] -= left_late_s(d[:, of], per_late[:, of], valid[of], times) * per_late[:, of]
+        seen = Readings.of(timely, variance, valid, turns, times)
+        return seen, Motion.of(seen, variance, weights)
+
+    whole = judged(slice(None))
+    if not whole[1].degree:
+        return whole
+    # halves of a view come late by different times where the panel's rate is not quite the rig file's
+    middle = d.shape[1] // 2
+    halves = judged(slice(middle), slice(middle, None))
+    return whole if halves[1].degree else halves
+
+
 def powers_of_time(times: Float, degree: int) -> Float:
     """(N, degree + 1) orthonormal polynomials of times (N,), in any unit."""
     first, last = times[0], times[-1]

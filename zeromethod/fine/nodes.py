@@ -14,7 +14,7 @@ from zeromethod.fine.blend import blend, blended_variance, fine_share
 from zeromethod.fine.demodulate import Design
 from zeromethod.fine.frames import FineFrame, FrameSequence, matvec
 from zeromethod.fine.lattice import PixelLattice
-from zeromethod.fine.motion import Motion, Readings, left_late_s
+from zeromethod.fine.motion import seen_motion
 from zeromethod.sensing.window import triangle
 from zeromethod.warp.compose import compose
 from zeromethod.warp.grid import NodeGrid
@@ -93,20 +93,9 @@ def read_nodes(
     turns = np.stack([one.phase_rad[rows] for one in sequence.steps])
     d_variance = matvec(across * across, noise2)
     times = np.array([frame.measured.time_ns for frame in frames], np.float64)
-    coarse_d = matvec(across, coarse - shown)
-    middle = len(rows) // 2
-    # halves of a view come late by different times where the panel's rate is not quite the rig file's
-    for parts in ((slice(None),), (slice(middle), slice(middle, None))):
-        left_d = coarse_d.copy()
-        for of in parts:
-            left_s = left_late_s(coarse_d[:, of], per_late[:, of], valid[of], times)
-            left_d[:, of] -= left_s * per_late[:, of]
-        again = Readings.of(left_d, d_variance, valid, turns, times)
-        found = Motion.of(again, d_variance, design.weights)
-        if len(parts) == 1 or not found.degree:
-            seen, motion = again, found
-        if not found.degree:
-            break
+    seen, motion = seen_motion(
+        matvec(across, coarse - shown), per_late, d_variance, valid, turns, times, design.weights
+    )
     known = np.isfinite(fine).all(axis=-1)
     # the pixels' mean is late by what the nodes' fit is ahead of it
     share, fitted = (np.where(known, fine_share(seen, degree), 0.0) for degree in (0, motion.degree))

@@ -169,6 +169,11 @@ class RunResult:
             self.records[index] = replace(read, notes=own.notes, pointers=own.pointers)
 
     @property
+    def start_ns(self) -> int:
+        """Time of the first step, from which times in s count; 0 without a record."""
+        return self.records[0].time_ns - round(1e9 * self.records[0].time_s) if self.records else 0
+
+    @property
     def shown(self) -> Step | None:
         """Step whose maps the figure has: `nulled`, but the last one read of a run that ends *nulling*."""
         ends_unread = not self._held and self.state is State.NULLING

@@ -176,7 +176,6 @@ def summarise(result: RunResult) -> Figures:
     nulled = [record for record in held if record.state in NULLED]
     read = [record for record in held if record.state in READ]
     last, unheld = result.last, not_nulled(records)
-    start_ns = records[0].time_ns - round(1e9 * records[0].time_s) if records else 0
     simulated = result.rig.camera.driver == SIMULATED
     figures = {
         "rig": result.rig.name,
@@ -209,10 +208,10 @@ def summarise(result: RunResult) -> Figures:
         **_depth_figures(result, read),
         "fine": _fine(result),
         "contacts": contact_rows(records),
-        "approaches": approach_rows(((one.time_ns, one.approach) for one in records), start_ns),
+        "approaches": approach_rows(((one.time_ns, one.approach) for one in records), result.start_ns),
         "pointers": None
         if result.rig.projector is None
-        else pointer_rows((event for one in records for event in one.pointers), start_ns),
+        else pointer_rows((event for one in records for event in one.pointers), result.start_ns),
         "contact_status": status_figures(
             [(one.time_s, one.contact_status) for one in records if one.contact_status is not None]
         ),

@@ -92,8 +92,7 @@ def _named(step: Step) -> str:
 
 def _draw_events(axes: Sequence[Axes], result: RunResult) -> None:
     """What came before it touched, or what fingers did."""
-    records = result.records
-    start_ns = records[0].time_ns - round(1e9 * records[0].time_s) if records else 0
+    records, start_ns = result.records, result.start_ns
     if result.rig.watch is not None:
         seen = (one.approach for one in records if one.approach is not None)
         draw_approaches(axes, seen, start_ns)
