@@ -61,6 +61,13 @@ def test_share_force_and_pitch_are_the_true_ones(run):
     assert all(one.force_n == pytest.approx(FORCE_N, rel=0.02) for one in held)
 
 
+def test_the_area_is_within_its_sigma_and_a_border_that_slides_is_seen_to_move(run):
+    contacts = [one.contacts[0] for one in run[0] if HELD_S + 0.1 < 1e-9 * one.time_ns < STICK_S]
+    assert all(abs(one.area_mm2 - np.pi * 3.0**2) < 3 * one.sigma_area_mm2 for one in contacts)
+    # what is the same in every frame is not in it: else a force's fit stays where the contact was
+    assert all(one.sigma_edge_mm < SPEED_MM_S / 60 for one in contacts)
+
+
 def test_speed_is_the_true_one_and_stick_and_slip_are_named_within_three_frames(run):
     sliding = statuses(run, SLIP_S + 0.1, STICK_S)
     assert all(one.motion is Motion.SLIP and not one.aliased for one in sliding)

@@ -197,10 +197,12 @@ class ContactFinder:
         outline_mm = seen_mm - beyond * normals(seen_mm)
         pixel_mm = float(np.sqrt(area / abs(signed_area(points_px))))
         shadow_px = 0.0 if trimmed is None else trimmed.sigma_px
-        open_mm = float(np.hypot(beyond, np.linalg.norm([_EDGE_PX, shadow_px, region.border_px]) * pixel_mm))
+        open_mm = float(np.hypot(beyond, np.hypot(_EDGE_PX, shadow_px) * pixel_mm))
         own_mm = edge.sigma_px * pixel_mm
         around_mm = perimeter(outline_mm)
         apart_mm = own_mm / np.sqrt(max(around_mm / pixel_mm / WINDOW_PX, 1.0))
+        # how far in or out all of it lies stays as it is from frame to frame: it is in the area alone
+        borders_mm = open_mm, apart_mm, region.border_px * pixel_mm
         gaps_mm2 = 0.0
         if region.parted:  # the parts are somewhere between what is surely theirs and all within the border
             gaps_mm2 = 0.5 * max(area - pixel_mm**2 * float(region.probability[region.mask].sum()), 0.0)
@@ -210,7 +212,7 @@ class ContactFinder:
             **moments(outline_mm)._asdict(),
             sigma_x_mm=sigma_x,
             sigma_y_mm=sigma_y,
-            sigma_area_mm2=float(np.hypot(around_mm * np.hypot(open_mm, apart_mm), gaps_mm2)),
+            sigma_area_mm2=float(np.linalg.norm([*(around_mm * one for one in borders_mm), gaps_mm2])),
             outline_mm=outline_mm,
             sigma_edge_mm=float(np.sqrt(open_mm**2 + own_mm**2 + sum(np.square(seen.sigma_mm)) / 2)),
             outline_px=points_px,
