@@ -18,6 +18,7 @@ from zeromethod.study import Study, Workers, run_study, workers
 from zeromethod.study.tasks import tasks
 
 distributed = pytest.importorskip("distributed")
+dask = pytest.importorskip("dask")
 Squares = Callable[..., Study]
 
 
@@ -33,6 +34,16 @@ def test_runs_that_kill_their_worker_or_hang_fail_alone(squares, tmp_path):
     ]
     assert all(row["seed"] > 0 for row in results.failures)
     assert [row["square"] for row in results.rows if row["run"] not in {1, 3}] == [0, 4, 16, 25]
+
+
+def test_a_worker_is_started_again_however_soon_the_cluster_would_give_it_up(squares, tmp_path, monkeypatch):
+    monkeypatch.setattr(workers, "_START_S", 20.0)
+    study = squares(4, "kills_at = 1")
+    # by default 15 s: the worker is not to be down at that time after any of its deaths
+    with dask.config.set({"distributed.deploy.lost-worker-timeout": "1ms"}):
+        results = run_study(study, tmp_path, Workers(1))
+    assert [row["run"] for row in results.failures] == [1]
+    assert [row["square"] for row in results.rows if row["run"] != 1] == [0, 4, 9]
 
 
 def test_a_scheduler_that_is_slow_or_forgets_its_workers_fails_no_run(squares, tmp_path, monkeypatch):

@@ -168,7 +168,9 @@ def _local_cluster(count: int, exits: _Exits) -> Iterator[str]:
 
     try:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
-        yield cluster.scheduler_address
+        # the cluster gives a worker up that is down so long after it died, be it for the second time
+        with dask.config.set({"distributed.deploy.lost-worker-timeout": "365 days"}):
+            yield cluster.scheduler_address
     finally:
         with contextlib.suppress(TimeoutError):
             cluster.sync(end_workers)
