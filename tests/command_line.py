@@ -18,6 +18,10 @@ Word = str | Path | float
 """A string may be several arguments, split as a shell does; a path is one."""
 
 
+_BUSY = ("compiling, once", "starting: ")
+"""Lines that come in between where nothing was compiled before or the machine is slow."""
+
+
 class Outcome(NamedTuple):
     code: int
     out: str
@@ -32,10 +36,7 @@ def run(*words: Word, command: click.Command = commands, name: str = "zeromethod
         pytest.raises(SystemExit) as end,
     ):
         main(split(words), command, name)
-    # where nothing was compiled before, lines about it come in between
-    said = [
-        line for line in err.getvalue().splitlines(keepends=True) if not line.startswith("compiling, once")
-    ]
+    said = [line for line in err.getvalue().splitlines(keepends=True) if not line.startswith(_BUSY)]
     return Outcome(int(end.value.code or 0), out.getvalue(), "".join(said))
 
 
