@@ -11,6 +11,7 @@ from typing import Any, cast
 import numpy as np
 
 from zeromethod.arrays import Float
+from zeromethod.clock import SimulatedClock
 from zeromethod.light_array.devices import open_arrays
 from zeromethod.light_array.exchange import no_record
 from zeromethod.light_array.loop import READ_EVERY, LightLoop, LightStep
@@ -28,18 +29,12 @@ _KEPT = 200_000
 """Newest readings of depth, or frames, that the figures are of."""
 
 
-class ArraysClock:
-    """The arrays' clock, as far as readings have given it."""
-
-    def __init__(self) -> None:
-        self.time_ns = 0
-
-    def now_ns(self) -> int:
-        """Time of the newest readings."""
-        return self.time_ns
+class ArraysClock(SimulatedClock):
+    """The arrays' clock, as far as readings have given it; it goes back where the arrays start again."""
 
     def sleep_until_ns(self, time_ns: int) -> None:
-        """Nothing: only readings move this clock."""
+        """Set the time."""
+        self._now_ns = time_ns
 
 
 class LightSession:
@@ -93,7 +88,7 @@ class LightSession:
         """Run the loop; steps as they come."""
         for step in self.loop.run(frames, self.seconds(frames, seconds)):
             self.last = step
-            self.clock.time_ns = step.time_ns
+            self.clock.sleep_until_ns(step.time_ns)
             if step.sensed:
                 self._frames += 1
                 self._loop_ms.append(step.loop_ms)
