@@ -9,8 +9,8 @@ import numpy as np
 from zeromethod.arrays import Float, Mask
 from zeromethod.optics import Optics
 from zeromethod.optics.camera import Camera
+from zeromethod.optics.layers import through_slabs
 from zeromethod.optics.mirror import distance_to, normal_of
-from zeromethod.optics.vectors import dot
 from zeromethod.rig.model import Rig, WatchSpec
 
 
@@ -44,11 +44,8 @@ def _view(rig: Rig, watch: WatchSpec, across: Float, *, right: bool) -> Exits:
     start, inside = optics.rubber_rays(u, v)
     place = start + distance_to(optics.rest, start, inside)[..., None] * inside
     normal = normal_of(optics.rest.gradient(place[..., 0], place[..., 1]))
-    index, cosine = rig.prism.index, dot(inside, normal)
-    with np.errstate(invalid="ignore"):
-        beyond = np.sqrt(1.0 - index**2 * (1.0 - cosine**2)) - index * cosine
-        direction = index * inside + beyond[..., None] * normal
-        tangent = direction[..., :2] / direction[..., 2:]
+    direction = through_slabs(inside, normal, rig.prism.index, (), 1.0)[1]
+    tangent = direction[..., :2] / direction[..., 2:]
     foot = place[..., :2] - place[..., 2:] * tangent
     valid = np.isfinite(tangent[..., 0]) & optics.prism.on_mirror(place[..., 0], place[..., 1])
     foot, tangent = (np.where(valid[..., None], one, 0.0) for one in (foot, tangent))

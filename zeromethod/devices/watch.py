@@ -36,9 +36,8 @@ def watch_opener(rig: Rig, clock: Clock) -> Callable[[], Camera]:
     def open_watch() -> Camera:
         try:
             return open_camera(spec, factory, {"rig": rig, "clock": clock})
-        except WrongShape as error:
-            raise InputError(f"watch {error}; {TWO_LENSES}") from error
         except InputError as error:
-            raise InputError(f"watch {error}") from error
+            more = f"; {TWO_LENSES}" if isinstance(error, WrongShape) else ""
+            raise InputError(f"watch {error}{more}") from error
 
     return open_watch

@@ -34,12 +34,12 @@ class ArraysLost(Exception):
 
 
 class LightArrays:
-    """Arrays, real or simulated. What is defined here is right for arrays that cannot be lost."""
+    """Arrays, real or simulated. What is defined here is right for arrays that cannot be lost.
 
-    @property
-    def refused(self) -> int:
-        """How many frames arrived damaged so far; they were dropped."""
-        return 0
+    broken: how many frames arrived damaged so far; they were dropped.
+    """
+
+    broken = 0
 
     def send(self, number: int, levels: Counts) -> None:
         """Have levels lit as soon as possible. Raises ArraysLost."""

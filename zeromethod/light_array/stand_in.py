@@ -22,7 +22,7 @@ import numpy as np
 
 from zeromethod.errors import InputError
 from zeromethod.light_array.devices import Readings
-from zeromethod.light_array.frames import LEVELS, Frames, readings_frame
+from zeromethod.light_array.frames import LEVELS, READINGS, Frames, frame
 from zeromethod.light_array.rig import load_light_array
 from zeromethod.light_array.simulated import SimulatedArrays
 
@@ -56,12 +56,12 @@ class _Line:
         data, self._peer = self._socket.recvfrom(1 << 16)
         return self._frames.add(data)
 
-    def send(self, frame: bytes) -> None:
+    def send(self, data: bytes) -> None:
         """Send a frame to the host that sent levels last."""
         if self._socket is not None and self._peer is not None:
-            self._socket.sendto(frame, self._peer)
+            self._socket.sendto(data, self._peer)
         elif select.select([], [self._handle], [], 0)[1]:
-            os.write(self._handle, frame)
+            os.write(self._handle, data)
 
 
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
@@ -115,10 +115,10 @@ def _serve(
         if count == int(stall[0]):
             time.sleep(stall[1])
         if found is not None and luck.random() >= lose:
-            frame = bytearray(readings_frame(found))
+            sent = bytearray(frame(READINGS, found))
             if luck.random() < broken:
-                frame[100] ^= 0xFF
-            line.send(bytes(frame))
+                sent[100] ^= 0xFF
+            line.send(bytes(sent))
         asked = line.levels(wait_s)
 
 
