@@ -15,9 +15,10 @@ from zeromethod.errors import InputError
 from zeromethod.light_array.devices import Counts, LightArrays, Readings
 from zeromethod.light_array.loop import LightLoop
 from zeromethod.light_array.optics import COUNT
-from zeromethod.light_array.rig import LightArrayRig, checked
+from zeromethod.light_array.rig import LightArrayRig
 from zeromethod.recording.file import check_new
 from zeromethod.recording.schema import LIGHT_ARRAYS
+from zeromethod.rig.refusal import validated
 
 FORMAT_VERSION = 1
 _ROWS_PER_WRITE = 500
@@ -105,7 +106,7 @@ def _recorded(path: Path) -> tuple[LightArrayRig, dict[str, Any]]:
         raise InputError(f"{path}: damaged: {' '.join(str(error).split())}") from None
     if written_by != FORMAT_VERSION:
         raise InputError(f"{path}: written by another version of zeromethod")
-    return checked(json.loads(rig), path), tables
+    return validated(LightArrayRig, json.loads(rig), path), tables
 
 
 def replay(path: Path) -> dict[str, Any]:

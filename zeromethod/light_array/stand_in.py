@@ -82,12 +82,29 @@ def stand_in(
     end: int | None, wait_s: float,
 ) -> None:  # fmt: skip
     """Serve simulated arrays at ADDRESS: udp://HOST:PORT, or serial."""
+    luck, count = np.random.default_rng(0), 0
     try:
         arrays = load_light_array(rig)
         if arrays is None:
             raise InputError(f"--rig: {rig}: a rig of arrays")
-        device = SimulatedArrays(arrays.changed(scenario))
-        _serve(_Line(address), device, lose, broken, stall, end, wait_s)
+        device, line = SimulatedArrays(arrays.changed(scenario)), _Line(address)
+        click.echo(line.address)
+        sys.stdout.flush()
+        while not (asked := line.levels(0.2)):
+            pass
+        while end is None or count < end:
+            for one in asked:
+                device.send(one.number, one.counts)
+            found = device.receive(0.1)
+            count += 1
+            if count == int(stall[0]):
+                time.sleep(stall[1])
+            if found is not None and luck.random() >= lose:
+                data = bytearray(frame(READINGS, found))
+                if luck.random() < broken:
+                    data[100] ^= 0xFF
+                line.send(bytes(data))
+            asked = line.levels(wait_s)
     except KeyboardInterrupt:
         click.echo("interrupted", err=True)
         sys.exit(130)
@@ -95,31 +112,6 @@ def stand_in(
         words = f"{address}: {error.strerror}" if isinstance(error, OSError) else str(error)
         click.echo(f"stand_in: {words}", err=True)
         sys.exit(2)
-
-
-def _serve(
-    line: _Line, device: SimulatedArrays, lose: float, broken: float, stall: tuple[float, float],
-    end: int | None, wait_s: float,
-) -> None:  # fmt: skip
-    """Answer levels with readings, as the options say, until the end."""
-    luck, count = np.random.default_rng(0), 0
-    click.echo(line.address)
-    sys.stdout.flush()
-    while not (asked := line.levels(0.2)):
-        pass
-    while end is None or count < end:
-        for one in asked:
-            device.send(one.number, one.counts)
-        found = device.receive(0.1)
-        count += 1
-        if count == int(stall[0]):
-            time.sleep(stall[1])
-        if found is not None and luck.random() >= lose:
-            sent = bytearray(frame(READINGS, found))
-            if luck.random() < broken:
-                sent[100] ^= 0xFF
-            line.send(bytes(sent))
-        asked = line.levels(wait_s)
 
 
 if __name__ == "__main__":

@@ -25,13 +25,12 @@ from zeromethod.simulation.path import place_at
 from zeromethod.simulation.press import Mirror
 from zeromethod.simulation.room import Room
 from zeromethod.simulation.scenario import Scenario, scenario_of
+from zeromethod.simulation.sensor import Sensor
 
 UNDERSIDE = 0.5
 """Light on the underside of an object over that of the room behind it, which lights it from beside."""
 VEIL = 0.02
 """Share of full scale that the LCD adds: what the mirror reflects of it below total reflection, even here."""
-PEAK = 0.8
-"""Share of the full scale that light 1 gives."""
 _LENS_MM = 150.0
 """Roughly how far the lenses are from the mirror, for the size of a pixel on an object."""
 _STREAM = 7
@@ -51,6 +50,7 @@ class SimulatedWatchCamera:
         self._rig, self._clock, self._spec = rig, clock, rig.watch
         self.scenario: Scenario = scenario_of(rig)
         self._room = Room(rig)
+        self._sensor = Sensor(rig.model_copy(update={"camera": rig.watch}), _STREAM)
         self._entry, self._inside = _inside_rays(rig, rig.watch)
         self._rest = _out(self._entry, self._inside, Mirror(), rig.prism)
         self._last = -1
@@ -87,16 +87,11 @@ class SimulatedWatchCamera:
         """Nothing to release."""
 
     def image(self, time_ns: int, number: int) -> Image:
-        """(rows, cols) uint8: what is seen at a time, with the noise of frame `number`."""
-        rng = np.random.Generator(np.random.SFC64([self._rig.simulation.seed, _STREAM, number]))
-        noise = self._spec.noise
+        """(rows, cols) grey levels: what is seen at a time, with the noise of frame `number`."""
         light = self.light(1e-9 * time_ns)
         if self._faulty("dark", time_ns):
             light = np.zeros_like(light)
-        signal = (PEAK * 255 - noise.black_grey) * light
-        variance = noise.read_grey**2 + signal / (noise.electrons_per_grey or np.inf)
-        grey = noise.black_grey + signal + np.sqrt(variance) * rng.standard_normal(light.shape, np.float32)
-        return np.clip(np.rint(grey), 0, 255).astype(np.uint8)
+        return self._sensor.image(light.astype(np.float32), number)
 
     def light(self, time_s: float) -> Float:
         """(rows, cols) light without noise, 1 for full scale."""
