@@ -29,15 +29,10 @@ class Exits:
     areas: Float
 
 
-def exits_of(rig: Rig, watch: WatchSpec) -> tuple[Exits, Exits]:
-    """Rays of the left and the right view of the rig's watch camera."""
-    across = Camera.place(watch).u_axis
-    return _view(rig, watch, across, right=False), _view(rig, watch, across, right=True)
-
-
-def _view(rig: Rig, watch: WatchSpec, across: Float, *, right: bool) -> Exits:
+def exits_of(rig: Rig, watch: WatchSpec, *, right: bool) -> Exits:
+    """Rays of the left or the right view of the rig's watch camera."""
     half, (cx, cy) = watch.columns // 2, watch.centre_px
-    shift = (0.5 if right else -0.5) * watch.baseline_mm * across
+    shift = (0.5 if right else -0.5) * watch.baseline_mm * Camera.place(watch).u_axis
     position, look_at = ((one + shift).tolist() for one in (watch.position_mm, watch.look_at_mm))
     centre = half - 1 - cx if right else cx, cy
     lens = watch.camera(

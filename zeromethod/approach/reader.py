@@ -38,7 +38,7 @@ class WatchReader:
         self._scale = 2.0 ** (rig.watch.bits - 8)
         self._black_grey = rig.watch.noise.black_grey / self._scale
         self._shape = rig.watch.rows, rig.watch.columns
-        self.exits = exits_of(rig, rig.watch)
+        self.exits = exits_of(rig, rig.watch, right=False), exits_of(rig, rig.watch, right=True)
         if min(exits.valid.mean() for exits in self.exits) < 0.05:
             key = "baseline_mm" if rig.watch.baseline_mm > rig.prism.width_mm else "look_at_mm"
             raise InputError(f"watch.{key}: hardly any ray of the watch camera goes out by the mirror")

@@ -12,9 +12,10 @@ import numpy as np
 
 from zeromethod.arrays import Float
 from zeromethod.clock import SimulatedClock
-from zeromethod.light_array.devices import open_arrays
 from zeromethod.light_array.exchange import no_record
+from zeromethod.light_array.link import LinkedArrays
 from zeromethod.light_array.loop import READ_EVERY, LightLoop, LightStep
+from zeromethod.light_array.recording import Recorder
 from zeromethod.light_array.rig import LightArrayRig
 from zeromethod.light_array.simulated import SimulatedArrays
 from zeromethod.loop.state import State
@@ -47,11 +48,10 @@ class LightSession:
     def __init__(self, rig: LightArrayRig, publish: str | None = None, record: Path | None = None) -> None:
         self.rig, self.clock, recorded = rig, ArraysClock(), no_record
         with ExitStack() as stack:
-            arrays = stack.enter_context(closing(open_arrays(rig)))
-            self._truth = arrays if isinstance(arrays, SimulatedArrays) else None
+            address = rig.arrays.address
+            self._truth = SimulatedArrays(rig) if address == "simulated" else None
+            arrays = stack.enter_context(closing(self._truth or LinkedArrays(address)))
             if record is not None:
-                from zeromethod.light_array.recording import Recorder  # noqa: PLC0415 - h5py loads slowly
-
                 recorded = stack.enter_context(closing(Recorder(record, rig))).add
             self._publisher = None if publish is None else stack.enter_context(Publisher(publish, self.clock))
             self.loop = LightLoop(rig, arrays, recorded)
