@@ -9,9 +9,9 @@ import pytest
 from command_line import run
 
 from benchmarks import leds
-from zeromethod.light_array.channels import Seen
-from zeromethod.light_array.estimate import look, model_of, seen
-from zeromethod.light_array.frames import FRAME_BYTES, LEVELS, READINGS, Frames, levels_frame, readings_frame
+from zeromethod.light_array.devices import Readings
+from zeromethod.light_array.estimate import each_led, look, model_of, seen
+from zeromethod.light_array.frames import FRAME_BYTES, LEVELS, READINGS, Frames, frame
 from zeromethod.light_array.loop import LightLoop
 from zeromethod.light_array.modes import Modes
 from zeromethod.light_array.simulated import FramedMirror, SimulatedArrays
@@ -161,17 +161,17 @@ def test_a_recording_repeats_bit_for_bit_and_says_so_where_it_does_not(tmp_path)
 def test_frames_come_through_noise_on_the_line():
     levels = np.arange(256, dtype=np.uint16)
     frames = Frames(LEVELS)
-    one, two = levels_frame(7, levels), levels_frame(8, levels[::-1].copy())
-    broken = bytearray(levels_frame(9, levels))
+    one, two = (frame(LEVELS, Readings(k, 0, 0, of)) for k, of in ((7, levels), (8, levels[::-1])))
+    broken = bytearray(frame(LEVELS, Readings(9, 0, 0, levels)))
     broken[50] ^= 1
     stream = b"ZLx" + one[:100] + one + b"Z" + bytes(broken) + two
-    found = [frame for k in range(0, len(stream), 33) for frame in frames.add(stream[k : k + 33])]
-    assert [frame.number for frame in found] == [7, 8]
+    found = [each for k in range(0, len(stream), 33) for each in frames.add(stream[k : k + 33])]
+    assert [each.number for each in found] == [7, 8]
     np.testing.assert_array_equal(found[1].counts, levels[::-1])
     assert frames.broken == 2
     assert len(one) == FRAME_BYTES == 536
     assert Frames(READINGS).add(one) == []
-    assert Frames(READINGS).add(readings_frame(found[0]))[0].number == 7
+    assert Frames(READINGS).add(frame(READINGS, found[0]))[0].number == 7
 
 
 def test_what_is_named_is_the_channel_that_explains_most():
@@ -183,9 +183,8 @@ def test_what_is_named_is_the_channel_that_explains_most():
     light = look(loop.model, np.zeros(rig.reading.modes)).light
     lit = step.shown / 65535
     of_88 = seen(light, np.where(np.arange(256) == 88, lit, 0.0)) / loop.model.sigma
-    channels, reading = loop._channels, loop.start.reading(step.counts)
-    frame = Seen(-of_88, 1.0, step.counts, reading, light, lit, loop.model.sigma)
-    assert channels._dead(frame, -of_88, of_88 > 6) == ["LED 88 is dead and left out"]
+    channels, columns = loop._channels, each_led(light) * lit / loop.model.sigma
+    assert channels._dead(columns, -of_88, step.counts, of_88 > 6) == ["LED 88 is dead and left out"]
     assert channels.led[88] == 0
     # 0.4 % darker each: what is left over is the modes' to tell, too
     for left, found in (

@@ -120,7 +120,9 @@ def test_contact_events_are_repeated_for_those_who_skip_messages():
         assert not header["touching"]
 
 
-def test_the_last_message_still_leaves():
+def test_the_last_message_still_leaves(monkeypatch):
+    # half a second is enough where processors are not shared with the other tests
+    monkeypatch.setattr("zeromethod.publishing.publisher._LEAVING_S", 2.0)
     with Publisher(ANY_PORT, HostClock()) as publisher, subscriber(publisher) as listening:
         publisher.publish(a_step(8, dent(0.1, shape=NodeGrid((1024, 1280)).shape)))
         publisher.publish(a_step(9, state=State.STOPPED))

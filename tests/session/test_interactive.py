@@ -95,6 +95,18 @@ def test_a_recording_replays_the_pointer_events_that_programs_got_live(tmp_path)
             assert content.values(index)["pointers"] == said
 
 
+def test_fingers_that_are_down_at_the_end_are_cancelled_in_figures_and_recording(tmp_path):
+    rig = coarser(load_rig("interactive"), 4).replace({"cloth.weave_mm": 0.6})
+    rig = rig.replace({"scenario": str(press_file(tmp_path))})
+    with Session(rig, record=tmp_path / "run.h5") as session:
+        list(session.run(seconds=DOWN_S + 0.06))
+        rows = session.figures["pointers"]
+    assert [row["ended"] for row in rows] == [PointerType.CANCEL] * len(FINGERS)
+    assert all(row["reason"] == "stopped: the run has ended" for row in rows)
+    with open_recording(tmp_path / "run.h5") as recording:
+        assert summarise_recording(recording)["pointers"] == rows
+
+
 def test_one_dark_frame_lifts_no_finger(tmp_path):
     dark = round((DOWN_S + 0.07) * 60)
     rig = coarser(load_rig("interactive"), 4).replace({"cloth.weave_mm": 0.6})

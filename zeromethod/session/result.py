@@ -8,6 +8,7 @@ from typing import Any
 
 from zeromethod.control.stability_margin import Margin
 from zeromethod.fine.surface import FineSurface
+from zeromethod.interactive.pointers import PointerEvent
 from zeromethod.loop.state import READ, State
 from zeromethod.loop.step import Step, StepFigures
 from zeromethod.rig.model import Rig
@@ -112,6 +113,17 @@ class RunResult:
         self.records.append(step)
         if len(self.records) >= 2 * KEPT_FRAMES:
             del self.records[:KEPT_FRAMES]
+
+    def end(self, pointers: tuple[PointerEvent, ...]) -> None:
+        """Enter what fingers did after the last step, up to the end of the run.
+
+        Parameters
+        ----------
+        pointers : tuple of PointerEvent
+            Events, in the order in which they came.
+        """
+        if pointers and self.records:
+            self.records[-1] = replace(self.records[-1], pointers=self.records[-1].pointers + pointers)
 
     def keep(self, step: Step, phases: frozenset[str]) -> None:
         """Keep a step that was read if the figure shows it: before the contact, at its worst, or as read.

@@ -117,7 +117,7 @@ class Session:
             self._forces = ForceReader(self.rig)
             self._rubbing = RubbingReader(border_blur_px(self.rig)) if self.rig.control.rubbing else None
             self._touched: tuple[Contact, ...] = ()
-            self._uneven = UnevenRest(self.loop.q_rest)
+            self._uneven = UnevenRest(self.loop.q_rest, under_cloth=self.rig.under_cloth)
             self._lamp = Lamp(self._grid) if self.rig.control.lamp and not self.rig.control.passive else None
             self.interaction = stack.enter_context(interaction(self.rig, opened))
             self._publisher = stack.enter_context(publishing(publisher, self._devices.clock))
@@ -215,7 +215,6 @@ class Session:
         """End a run that its caller has left half-way."""
         if self._steps is not None:
             self._steps.close()
-            self._steps = None
 
     def _run(self, frames: int | None, seconds: float | None) -> Generator[Step]:
         if frames is None:
@@ -236,7 +235,8 @@ class Session:
             stack.callback(steps.close)  # here and now, not when the interpreter comes to forget it
             try:
                 for each in map(self._watching, steps):
-                    step = replace(each, phase=self._phase(each.time_ns), readable=is_readable(each))
+                    phase = self._scenario.phase_at(each.time_ns) if self._scenario is not None else None
+                    step = replace(each, phase=phase or "", readable=is_readable(each))
                     reading.post(step if step.readable else replace(step, measured=None))
                     self.recording.poll()
                     step = self.interaction.drive(replace(step, calls=self._taken_calls()))
@@ -282,8 +282,10 @@ class Session:
         self.result.dropped_refreshes = dropped_refreshes_of(self._devices.display)
         if self.loop.ended is not None:
             reading.post(self.loop.ended)
-            ended = replace(self.loop.ended, calls=self._taken_calls())
-            self.recording.add_step(self.interaction.drive(ended))
+            reading.close()  # what fingers did until the end is known then
+            ended = self.interaction.drive(replace(self.loop.ended, calls=self._taken_calls()))
+            self.recording.add_step(ended)
+            self.result.end(ended.pointers)
 
     def _begin(self, step: Step) -> None:
         """Take dirt off one step's warp, and begin to read it."""
@@ -340,9 +342,6 @@ class Session:
             self.recording.add_reading(newest)
             self.result.keep(newest, self._phases)
         return newest
-
-    def _phase(self, time_ns: int) -> str:
-        return "" if self._scenario is None else self._scenario.phase_at(time_ns) or ""
 
     def _notes(self) -> tuple[str, ...]:
         """Notes of everything but the loop itself."""
