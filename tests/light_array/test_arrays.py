@@ -26,7 +26,7 @@ def test_the_optics_of_the_reader_see_what_traced_rays_see():
     arrays, model = SimulatedArrays(rig), model_of(rig)
     levels = levels_at_rest(rig) / 65535
     true = arrays._seen(FramedMirror(leds.pressed([]).mirror_at(0), rig)) @ levels
-    found = seen(look(model, np.zeros(rig.reading.modes)).light, levels)
+    found = seen(look(model, np.zeros(rig.reading.modes)), levels)
     # apertures are combined here as a variance, there ray by ray; what is left is taken out at rest
     assert np.abs(found - true).max() < 0.003
 
@@ -38,13 +38,11 @@ def test_slopes_and_bends_of_the_modes_are_those_of_their_depth():
     fields = modes.derivatives(points)
     for axis, first, second in ((0, 1, 3), (1, 2, 5)):
         shift = np.eye(2)[axis] * step
-        ahead, behind = modes.depth(points + shift), modes.depth(points - shift)
+        ahead, behind = (modes.derivatives(points + off)[0] for off in (shift, -shift))
         np.testing.assert_allclose((ahead - behind) / (2 * step), fields[first], atol=1e-9)
-        np.testing.assert_allclose(
-            (ahead - 2 * modes.depth(points) + behind) / step**2, fields[second], atol=1e-6
-        )
+        np.testing.assert_allclose((ahead - 2 * fields[0] + behind) / step**2, fields[second], atol=1e-6)
     edge = np.array([[17.0, 3.0], [67.0, 3.0], [40.0, 18.0], [40.0, -18.0]])
-    np.testing.assert_allclose(modes.depth(edge), 0, atol=1e-12)
+    np.testing.assert_allclose(modes.derivatives(edge)[0], 0, atol=1e-12)
 
 
 def test_a_sudden_press_is_nulled_within_2_ms_and_read_within_2_percent():
@@ -180,10 +178,10 @@ def test_what_is_named_is_the_channel_that_explains_most():
     arrays.scenario = leds.pressed([])
     loop = LightLoop(rig, arrays)
     *_, step = loop.run(frames=30)
-    light = look(loop.model, np.zeros(rig.reading.modes)).light
+    at_rest = look(loop.model, np.zeros(rig.reading.modes))
     lit = step.shown / 65535
-    of_88 = seen(light, np.where(np.arange(256) == 88, lit, 0.0)) / loop.model.sigma
-    channels, columns = loop._channels, each_led(light) * lit / loop.model.sigma
+    of_88 = seen(at_rest, np.where(np.arange(256) == 88, lit, 0.0)) / loop.model.sigma
+    channels, columns = loop._channels, each_led(at_rest) * lit / loop.model.sigma
     assert channels._dead(columns, -of_88, step.counts, of_88 > 6) == ["LED 88 is dead and left out"]
     assert channels.led[88] == 0
     # 0.4 % darker each: what is left over is the modes' to tell, too

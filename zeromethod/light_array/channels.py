@@ -77,7 +77,7 @@ class Channels:
         left = np.where(self.alive, found.left, 0.0)
         lasting = self.alive & (self._running >= _NAMED_AFTER)
         if lasting.any():
-            columns = each_led(found.look.light) * (self.led * shown) / self._start.model.sigma
+            columns = each_led(found.look) * (self.led * shown) / self._start.model.sigma
             named += self._dead(columns, left, counts, lasting)
         self._mean += (left - self._mean) / min(self._frames + 1, _SLOW)
         self._frames += 1

@@ -157,10 +157,10 @@ class LightLoop:
         )  # fmt: skip
         self._estimate, self._look = found.state, found.look
         self._settled = found.moved < _SETTLED
-        light, used = found.look.light, channels.used
+        used = channels.used
         missing = np.where(used, self.start.rest - reading, 0.0)
         wanted, could, residual = next_levels(
-            light, missing, channels.led, shown, newest / FULL_SCALE, self.rig.control.gain, sigma
+            found.look, missing, channels.led, shown, newest / FULL_SCALE, self.rig.control.gain, sigma
         )
         self._link.send(np.rint(wanted * FULL_SCALE).astype(np.uint16))
         fits = found.scale < _FITS

@@ -39,6 +39,8 @@ _STREAM = 7
 class SimulatedWatchCamera:
     """A `Camera` of the rig's table `[watch]`: both views side by side, newest frame only.
 
+    shape, bits: (rows, cols) of every frame, and significant bits per pixel.
+
     It lives on the run's clock, which it never moves in simulated time: a frame that is not there yet is a
     time-out at once.
     """
@@ -48,6 +50,7 @@ class SimulatedWatchCamera:
         if rig.watch is None:
             raise InputError("watch: missing; the simulated watch camera needs it")
         self._rig, self._clock, self._spec = rig, clock, rig.watch
+        self.shape, self.bits = (rig.watch.rows, rig.watch.columns), rig.watch.bits
         self.scenario: Scenario = scenario_of(rig)
         self._room = Room(rig)
         self._sensor = Sensor(rig.model_copy(update={"camera": rig.watch}), _STREAM)
@@ -55,16 +58,6 @@ class SimulatedWatchCamera:
         self._rest = _out(self._entry, self._inside, Mirror(), rig.prism)
         self._last = -1
         self._check(clock.now_ns())
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """(rows, cols) of every frame."""
-        return self._spec.rows, self._spec.columns
-
-    @property
-    def bits(self) -> int:
-        """Significant bits per pixel."""
-        return self._spec.bits
 
     def read(self, timeout_s: float) -> Frame:
         """Newest frame not yet returned; raises CameraTimeout or CameraLost."""
