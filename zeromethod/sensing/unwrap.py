@@ -47,12 +47,17 @@ class _Work(NamedTuple):
 
 
 class Unwrapper:
-    """Unwrapping on one grid. diagonal: the residual comes as displacements along u + v and u - v."""
+    """Unwrapping on one grid.
 
-    def __init__(self, grid: NodeGrid, *, diagonal: bool) -> None:
+    diagonal: the residual comes as displacements along u + v and u - v. parted: seams part the view, across
+    which the order is settled later (`loop.across_seams`): what they cut off is not flagged, and is brought
+    nearest to rest.
+    """
+
+    def __init__(self, grid: NodeGrid, *, diagonal: bool, parted: bool = False) -> None:
         rows, cols = (n - 2 * PADDING for n in grid.shape)
         self._period = float(grid.period_px)
-        self._diagonal = diagonal
+        self._diagonal, self._border_share = diagonal, 0.0 if parted else BORDER_SHARE
         self._work = _Work(
             jumps=np.zeros((2, rows, cols, 2), np.int8),
             costs=np.full((2, rows, cols), BLOCKED, np.uint8),
@@ -76,7 +81,7 @@ class Unwrapper:
             given = residual.d, residual.sigma, residual.flags, expected, self._period
             work = self._work
             if guess is None or not settle_known_order(*given, work.path, work.label):
-                _unwrap(*given, work)
+                _unwrap(*given, self._border_share, work)
         if self._diagonal:
             _from_diagonal(residual.d)
 
@@ -297,7 +302,9 @@ def _flag_disagreement(flags: Flags, jumps: Jumps, costs: Bytes, label: Ints, or
 
 
 @numba.njit(cache=True)
-def _unwrap(d: Float, sigma: Float, flags: Flags, guess: Float, period: float, work: _Work) -> None:
+def _unwrap(
+    d: Float, sigma: Float, flags: Flags, guess: Float, period: float, border_share: float, work: _Work
+) -> None:
     jumps, costs, label, order = work.jumps, work.costs, work.label, work.order
     rows, cols = label.shape
     _rate_edges(d, sigma, flags, period, jumps, costs)
@@ -317,7 +324,7 @@ def _unwrap(d: Float, sigma: Float, flags: Flags, guess: Float, period: float, w
         if guess.size > 0:
             determined, nu, nv = _region_order(d, guess, period, work, 0.0, region)
         if not determined:
-            least = BORDER_SHARE * border_nodes
+            least = border_share * border_nodes
             determined, nu, nv = _region_order(d, np.zeros((0, 0, 2)), period, work, least, region)
         for node in region:
             y, x = node // cols, node % cols
