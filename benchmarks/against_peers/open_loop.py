@@ -192,8 +192,8 @@ class _MisreadingSensor:
     def __init__(self, sensor: Sensor, gain: float) -> None:
         self._sensor, self._gain = sensor, gain
 
-    def measure(self, image: NDArray[Any], guess: Float | None = None, **known: Any) -> Residual:
-        residual = self._sensor.measure(image, guess, **known)
+    def measure(self, image: NDArray[Any], *guesses: Float | None, **known: Any) -> Residual:
+        residual = self._sensor.measure(image, *guesses, **known)
         return replace(residual, d=self._gain * residual.d)
 
     def set_reference(self, residual: Residual | None) -> None:

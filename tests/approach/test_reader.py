@@ -106,6 +106,17 @@ def test_a_rig_without_a_watch_camera_or_with_a_blind_one_is_refused():
         WatchReader(RIG.replace({"watch.baseline_mm": 8000.0}))
 
 
+def test_a_part_of_the_sensor_and_12_bits_are_read_as_the_whole_of_8_bits_is():
+    part = {"watch.region_px": [8, 8, 320, 240], "watch.driver": "opencv", "camera.driver": "opencv"}
+    reader, cut = WatchReader(RIG), WatchReader(RIG.replace(part))
+    np.testing.assert_array_equal(cut.exits[1].foot, reader.exits[1].foot)
+    deep = RIG.replace({"watch.bits": 12, "watch.noise.black_grey": 16 * RIG.watch.noise.black_grey})
+    images = [SimulatedWatchCamera(rig, SimulatedClock()).image(0, 0) for rig in (RIG, deep)]
+    # white is 0.8 of 255 and of 4095, and 8 bits round to one of some 130 levels
+    assert np.median(images[1]) / np.median(images[0]) == pytest.approx(16.0, rel=0.01)
+    assert WatchReader(deep).take(images[1], 0).watching is Watching.CLEAR
+
+
 def test_a_thing_mostly_as_light_as_the_room_behind_it_is_followed_whole():
     white = coming(Form.PUNCH, 22.0, 60.0, 60.0)
     white = type(white)(replace(white.solid, albedo=0.88), white.points)

@@ -9,9 +9,9 @@ import pytest
 from command_line import run
 
 from benchmarks import leds
-from zeromethod.light_array.channels import Seen
-from zeromethod.light_array.estimate import look, model_of, seen
-from zeromethod.light_array.frames import FRAME_BYTES, LEVELS, READINGS, Frames, levels_frame, readings_frame
+from zeromethod.light_array.devices import Readings
+from zeromethod.light_array.estimate import each_led, look, model_of, seen
+from zeromethod.light_array.frames import FRAME_BYTES, LEVELS, READINGS, Frames, frame
 from zeromethod.light_array.loop import LightLoop
 from zeromethod.light_array.modes import Modes
 from zeromethod.light_array.simulated import FramedMirror, SimulatedArrays
@@ -26,7 +26,7 @@ def test_the_optics_of_the_reader_see_what_traced_rays_see():
     arrays, model = SimulatedArrays(rig), model_of(rig)
     levels = levels_at_rest(rig) / 65535
     true = arrays._seen(FramedMirror(leds.pressed([]).mirror_at(0), rig)) @ levels
-    found = seen(look(model, np.zeros(rig.reading.modes)).light, levels)
+    found = seen(look(model, np.zeros(rig.reading.modes)), levels)
     # apertures are combined here as a variance, there ray by ray; what is left is taken out at rest
     assert np.abs(found - true).max() < 0.003
 
@@ -38,13 +38,11 @@ def test_slopes_and_bends_of_the_modes_are_those_of_their_depth():
     fields = modes.derivatives(points)
     for axis, first, second in ((0, 1, 3), (1, 2, 5)):
         shift = np.eye(2)[axis] * step
-        ahead, behind = modes.depth(points + shift), modes.depth(points - shift)
+        ahead, behind = (modes.derivatives(points + off)[0] for off in (shift, -shift))
         np.testing.assert_allclose((ahead - behind) / (2 * step), fields[first], atol=1e-9)
-        np.testing.assert_allclose(
-            (ahead - 2 * modes.depth(points) + behind) / step**2, fields[second], atol=1e-6
-        )
+        np.testing.assert_allclose((ahead - 2 * fields[0] + behind) / step**2, fields[second], atol=1e-6)
     edge = np.array([[17.0, 3.0], [67.0, 3.0], [40.0, 18.0], [40.0, -18.0]])
-    np.testing.assert_allclose(modes.depth(edge), 0, atol=1e-12)
+    np.testing.assert_allclose(modes.derivatives(edge)[0], 0, atol=1e-12)
 
 
 def test_a_sudden_press_is_nulled_within_2_ms_and_read_within_2_percent():
@@ -161,17 +159,17 @@ def test_a_recording_repeats_bit_for_bit_and_says_so_where_it_does_not(tmp_path)
 def test_frames_come_through_noise_on_the_line():
     levels = np.arange(256, dtype=np.uint16)
     frames = Frames(LEVELS)
-    one, two = levels_frame(7, levels), levels_frame(8, levels[::-1].copy())
-    broken = bytearray(levels_frame(9, levels))
+    one, two = (frame(LEVELS, Readings(k, 0, 0, of)) for k, of in ((7, levels), (8, levels[::-1])))
+    broken = bytearray(frame(LEVELS, Readings(9, 0, 0, levels)))
     broken[50] ^= 1
     stream = b"ZLx" + one[:100] + one + b"Z" + bytes(broken) + two
-    found = [frame for k in range(0, len(stream), 33) for frame in frames.add(stream[k : k + 33])]
-    assert [frame.number for frame in found] == [7, 8]
+    found = [each for k in range(0, len(stream), 33) for each in frames.add(stream[k : k + 33])]
+    assert [each.number for each in found] == [7, 8]
     np.testing.assert_array_equal(found[1].counts, levels[::-1])
     assert frames.broken == 2
     assert len(one) == FRAME_BYTES == 536
     assert Frames(READINGS).add(one) == []
-    assert Frames(READINGS).add(readings_frame(found[0]))[0].number == 7
+    assert Frames(READINGS).add(frame(READINGS, found[0]))[0].number == 7
 
 
 def test_what_is_named_is_the_channel_that_explains_most():
@@ -180,12 +178,11 @@ def test_what_is_named_is_the_channel_that_explains_most():
     arrays.scenario = leds.pressed([])
     loop = LightLoop(rig, arrays)
     *_, step = loop.run(frames=30)
-    light = look(loop.model, np.zeros(rig.reading.modes)).light
+    at_rest = look(loop.model, np.zeros(rig.reading.modes))
     lit = step.shown / 65535
-    of_88 = seen(light, np.where(np.arange(256) == 88, lit, 0.0)) / loop.model.sigma
-    channels, reading = loop._channels, loop.start.reading(step.counts)
-    frame = Seen(-of_88, 1.0, step.counts, reading, light, lit, loop.model.sigma)
-    assert channels._dead(frame, -of_88, of_88 > 6) == ["LED 88 is dead and left out"]
+    of_88 = seen(at_rest, np.where(np.arange(256) == 88, lit, 0.0)) / loop.model.sigma
+    channels, columns = loop._channels, each_led(at_rest) * lit / loop.model.sigma
+    assert channels._dead(columns, -of_88, step.counts, of_88 > 6) == ["LED 88 is dead and left out"]
     assert channels.led[88] == 0
     # 0.4 % darker each: what is left over is the modes' to tell, too
     for left, found in (

@@ -66,6 +66,7 @@ class PhasorSensor:
         self,
         image: Residual,
         guess: np.ndarray | None = None,
+        continued: np.ndarray | None = None,
         *,
         light_share: np.ndarray | None = None,
         target_rad: np.ndarray | None = None,

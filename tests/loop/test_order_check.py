@@ -69,7 +69,7 @@ class View:
         frame = Frame(np.zeros((1, 1), np.uint8), warp.time_ns, 8_000_000, self.frames)
         seen = Observation(frame, warp, None, np.zeros(1, np.int64), np.ones((1, 1)), None)
         expected = np.where(REST.visible[..., None], self.wrapped(expected), np.nan)
-        return self.check.look(seen, residual, Known(REST.q, REST.visible, expected))
+        return self.check.look(seen, residual, Known(REST.q, REST.visible, expected, expected))
 
     def order(self, every_ns: int = FRAME_NS) -> Order:
         return self.check.order(self.frames * every_ns)

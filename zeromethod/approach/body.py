@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -42,10 +42,8 @@ class Pixels:
         off = np.abs(_outside(self, start, round_=False)[0] - start[5])
         kept = np.flatnonzero(off < BAND_PX * self.pitch_mm(start[2], round_=False))
         kept = kept[:: kept.size // MOST_PIXELS + 1]
-        return Pixels(
-            self.foot[kept], self.tangent[kept], self.areas[kept], self.seen_grey[kept],
-            self.behind_grey[kept], self.right[kept], self.noise_grey,
-        )  # fmt: skip
+        arrays = {one.name: getattr(self, one.name)[kept] for one in fields(self) if one.name != "noise_grey"}
+        return replace(self, **arrays)
 
     def pitch_mm(self, z: float, *, round_: bool) -> Float:
         """(n,) width of a pixel at the height z, mm: in that plane, or across the ray for a round body."""

@@ -9,8 +9,8 @@ import numpy as np
 from zeromethod.arrays import Float, Mask
 from zeromethod.optics import Optics
 from zeromethod.optics.camera import Camera
+from zeromethod.optics.layers import through_slabs
 from zeromethod.optics.mirror import distance_to, normal_of
-from zeromethod.optics.vectors import dot
 from zeromethod.rig.model import Rig, WatchSpec
 
 
@@ -29,26 +29,22 @@ class Exits:
     areas: Float
 
 
-def exits_of(rig: Rig, watch: WatchSpec) -> tuple[Exits, Exits]:
-    """Rays of the left and the right view of the rig's watch camera."""
-    across = Camera.place(watch).u_axis
-    return _view(rig, watch, across, right=False), _view(rig, watch, across, right=True)
-
-
-def _view(rig: Rig, watch: WatchSpec, across: Float, *, right: bool) -> Exits:
-    shift = (0.5 if right else -0.5) * watch.baseline_mm * across
-    pose = {"position_mm": watch.position_mm + shift, "look_at_mm": watch.look_at_mm + shift}
-    lens = watch.lens(right).model_copy(update={key: tuple(map(float, one)) for key, one in pose.items()})
+def exits_of(rig: Rig, watch: WatchSpec, *, right: bool) -> Exits:
+    """Rays of the left or the right view of the rig's watch camera."""
+    half, (cx, cy) = watch.columns // 2, watch.centre_px
+    shift = (0.5 if right else -0.5) * watch.baseline_mm * Camera.place(watch).u_axis
+    position, look_at = ((one + shift).tolist() for one in (watch.position_mm, watch.look_at_mm))
+    centre = half - 1 - cx if right else cx, cy
+    lens = watch.camera(
+        columns=half, region_px=None, centre_px=centre, position_mm=position, look_at_mm=look_at
+    )
     optics = Optics(rig.model_copy(update={"camera": lens}))
     v, u = np.mgrid[: lens.rows, : lens.columns].astype(np.float64)
     start, inside = optics.rubber_rays(u, v)
     place = start + distance_to(optics.rest, start, inside)[..., None] * inside
     normal = normal_of(optics.rest.gradient(place[..., 0], place[..., 1]))
-    index, cosine = rig.prism.index, dot(inside, normal)
-    with np.errstate(invalid="ignore"):
-        beyond = np.sqrt(1.0 - index**2 * (1.0 - cosine**2)) - index * cosine
-        direction = index * inside + beyond[..., None] * normal
-        tangent = direction[..., :2] / direction[..., 2:]
+    direction = through_slabs(inside, normal, rig.prism.index, (), 1.0)[1]
+    tangent = direction[..., :2] / direction[..., 2:]
     foot = place[..., :2] - place[..., 2:] * tangent
     valid = np.isfinite(tangent[..., 0]) & optics.prism.on_mirror(place[..., 0], place[..., 1])
     foot, tangent = (np.where(valid[..., None], one, 0.0) for one in (foot, tangent))

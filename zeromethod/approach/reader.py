@@ -35,10 +35,10 @@ class WatchReader:
     def __init__(self, rig: Rig) -> None:
         if rig.watch is None:
             raise InputError("watch: missing; the rig has no watch camera")
-        self._black_grey = rig.watch.noise.black_grey
         self._scale = 2.0 ** (rig.watch.bits - 8)
+        self._black_grey = rig.watch.noise.black_grey / self._scale
         self._shape = rig.watch.rows, rig.watch.columns
-        self.exits = exits_of(rig, rig.watch)
+        self.exits = exits_of(rig, rig.watch, right=False), exits_of(rig, rig.watch, right=True)
         if min(exits.valid.mean() for exits in self.exits) < 0.05:
             key = "baseline_mm" if rig.watch.baseline_mm > rig.prism.width_mm else "look_at_mm"
             raise InputError(f"watch.{key}: hardly any ray of the watch camera goes out by the mirror")
@@ -87,18 +87,16 @@ class WatchReader:
             return False
         place = np.array([approach.x_mm, approach.y_mm])
         inwards = self._middle - place
-        inwards *= min(self._track.reach_mm / max(float(np.hypot(*inwards)), 1e-9), 1.0)
+        inwards *= min(self._track.newest.flat.reach_mm / max(float(np.hypot(*inwards)), 1e-9), 1.0)
         return not self._mirror.on_mirror(*(place + inwards))
 
     def _follow(self, spots: list[Spot], time_ns: int, *, still_seen: bool) -> Approach:
         track = self._track
         missed_ns = 0 if track is None else time_ns - track.time_ns
         if track is not None and missed_ns < 1e9 * track.kept_s(still_seen=still_seen):
-            own = [spot for spot in spots if track.fits(time_ns, spot)]
-            if own:
-                track.add(
-                    time_ns, min(own, key=lambda spot: float(np.linalg.norm(spot.flat.place - track.last)))
-                )
+            nearest = min(spots, key=track.off_mm, default=None)
+            if nearest is not None and track.fits(time_ns, nearest):
+                track.add(time_ns, nearest)
                 return track.approach()
             if not spots or missed_ns < 1e9 * MISSED_S:
                 return track.missed(time_ns)

@@ -60,7 +60,7 @@ class _Line:
 
 
 class Track:
-    """The spots of one object, in turn."""
+    """The spots of one object, in turn. newest: the last of them, at `time_ns`."""
 
     def __init__(self, now_ns: int, spot: Spot) -> None:
         self._start_ns, self._run = now_ns, 0
@@ -70,28 +70,21 @@ class Track:
         self.add(now_ns, spot)
 
     @property
-    def last(self) -> Float:
-        """(3,) mm of the newest spot."""
-        return self._seen[-1][1].flat.place
-
-    @property
     def known(self) -> Spot | None:
         """The newest spot of an object that is coming; None of others."""
-        return self._seen[-1][1] if self._said.armed else None
+        return self.newest if self._said.armed else None
 
-    @property
-    def reach_mm(self) -> float:
-        """How far from the expected place of the touch the object may reach."""
-        return self._seen[-1][1].flat.reach_mm
+    def off_mm(self, spot: Spot) -> float:
+        """How far a spot is from the newest one."""
+        return float(np.linalg.norm(spot.flat.place - self.newest.flat.place))
 
     def fits(self, now_ns: int, spot: Spot) -> bool:
         """Whether a spot may be the same object: it moves at half a metre per second at most."""
-        reach_mm = 5.0 + 0.5e-6 * (now_ns - self.time_ns)
-        return float(np.linalg.norm(spot.flat.place - self.last)) < reach_mm
+        return self.off_mm(spot) < 5.0 + 0.5e-6 * (now_ns - self.time_ns)
 
     def add(self, now_ns: int, spot: Spot) -> None:
         """Add the object's spot in a frame."""
-        self.time_ns = now_ns
+        self.time_ns, self.newest = now_ns, spot
         self._run += 1
         self._whole |= not spot.cut
         self._seen.append((1e-9 * (now_ns - self._start_ns), spot))
@@ -147,10 +140,6 @@ class Track:
 
     def approach(self) -> Approach:
         """What is known of the object, by all of its spots."""
-        self._said = self._known_of_spots()
-        return self._said
-
-    def _known_of_spots(self) -> Approach:
         least = LEAST_SPOTS if self._whole else LEAST_CUT
         if len(self._seen) < least:
             return Approach(watching=Watching.SEEN, time_ns=self.time_ns)
@@ -191,7 +180,8 @@ class Track:
             if soon and (armed or self._run >= least):
                 state = Watching.COMING
         plain: dict[str, Any] = {name: float(value) for name, value in figures.items()}
-        return Approach(watching=state, time_ns=self.time_ns, **plain)
+        self._said = Approach(watching=state, time_ns=self.time_ns, **plain)
+        return self._said
 
 
 def _favour(flat: Body, round_: Body) -> float:

@@ -82,7 +82,10 @@ class Watch:
         now_ns = self._clock.now_ns()
         try:
             if self._camera is None:
-                return self._reopened(now_ns)
+                if now_ns - self._tried_ns < 1e9 * REOPEN_S:
+                    self._clock.sleep_until_ns(now_ns + round(1e9 * self._wait_s))
+                    return None
+                self._camera, self._frame_ns = self._open(), now_ns
             frame = self._camera.read(self._wait_s)
         except CameraTimeout:
             if now_ns - self._frame_ns <= 1e9 * self._stalled_s:
@@ -91,7 +94,9 @@ class Watch:
         except Exception as error:  # of any kind: the run does not depend on this camera
             self._close_camera()
             self._tried_ns = now_ns
-            return self._lost(now_ns, error)
+            words = " ".join(str(error).split()) or type(error).__name__
+            kind = "" if isinstance(error, CameraLost) else f"{type(error).__name__}: "
+            return Approach(watching=Watching.LOST, time_ns=now_ns, reason=kind + words)
         self._frame_ns = now_ns
         try:
             return self._reader.take(frame.image, frame.time_ns)
@@ -99,20 +104,3 @@ class Watch:
             self._reader = WatchReader(self._rig)
             words = f"{type(error).__name__}: {error}"
             return Approach(watching=Watching.BLIND, time_ns=frame.time_ns, reason=words)
-
-    def _reopened(self, now_ns: int) -> Approach | None:
-        if now_ns - self._tried_ns < 1e9 * REOPEN_S:
-            self._clock.sleep_until_ns(now_ns + round(1e9 * self._wait_s))
-            return None
-        self._tried_ns = now_ns
-        try:
-            self._camera = self._open()
-        except Exception as error:  # as above
-            return self._lost(now_ns, error)
-        self._frame_ns = now_ns
-        return None
-
-    def _lost(self, now_ns: int, error: Exception) -> Approach:
-        words = " ".join(str(error).split()) or type(error).__name__
-        kind = "" if isinstance(error, CameraLost) else f"{type(error).__name__}: "
-        return Approach(watching=Watching.LOST, time_ns=now_ns, reason=kind + words)

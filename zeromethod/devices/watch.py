@@ -8,7 +8,7 @@ from zeromethod.clock import Clock
 from zeromethod.devices.opening import WrongShape, load_driver, open_camera
 from zeromethod.devices.protocols import Camera
 from zeromethod.errors import InputError
-from zeromethod.rig.model import SIMULATED, CameraSpec, Rig
+from zeromethod.rig.model import SIMULATED, Rig
 
 TWO_LENSES = (
     "needed: the views of two lenses side by side in one frame, each half of [watch] columns; "
@@ -24,8 +24,7 @@ def watch_opener(rig: Rig, clock: Clock) -> Callable[[], Camera]:
     function raises InputError where the camera cannot be opened.
     """
     assert rig.watch is not None
-    keys = {key: value for key, value in rig.watch.given().items() if key != "baseline_mm"}
-    spec = CameraSpec.model_validate(keys | (rig.watch.model_extra or {}))
+    spec = rig.watch.camera()
     if (spec.driver == SIMULATED) != (rig.camera.driver == SIMULATED):
         raise InputError(
             f"watch.driver: {spec.driver!r}: camera and watch camera are both simulated, or both are real; "
@@ -36,9 +35,8 @@ def watch_opener(rig: Rig, clock: Clock) -> Callable[[], Camera]:
     def open_watch() -> Camera:
         try:
             return open_camera(spec, factory, {"rig": rig, "clock": clock})
-        except WrongShape as error:
-            raise InputError(f"watch {error}; {TWO_LENSES}") from error
         except InputError as error:
-            raise InputError(f"watch {error}") from error
+            more = f"; {TWO_LENSES}" if isinstance(error, WrongShape) else ""
+            raise InputError(f"watch {error}{more}") from error
 
     return open_watch

@@ -231,7 +231,9 @@ def gradient(depth_mm: Single, x: Single, y: Single) -> Single:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _weigh(slope2: Single, x: Single, y: Single, valid: Mask, across: Single, down: Single) -> None:
+def _weigh(
+    slope2: Single, x: Single, y: Single, scale: Single, valid: Mask, across: Single, down: Single
+) -> None:
     for j in range(valid.shape[0]):
         for way, out in ((0, across), (1, down)):
             below = j + way
@@ -246,17 +248,19 @@ def _weigh(slope2: Single, x: Single, y: Single, valid: Mask, across: Single, do
                 )
                 noise2 = np.float32(0.5) * (x2 * dx * dx + y2 * dy * dy)
                 both = valid[j, i] and valid[below, beyond]
-                out[j, i] = np.float32(1.0) / noise2 if both else np.float32(0.0)
+                out[j, i] = scale[j, i] * scale[below, beyond] / noise2 if both else np.float32(0.0)
 
 
-def step_weights(slope2: Single, x_mm: Single, y_mm: Single, valid: Mask) -> tuple[Single, Single]:
-    """Weights (rows, cols-1), (rows-1, cols) of the steps by their noise, of mean 1; 0 at invalid pixels.
+def step_weights(
+    slope2: Single, x_mm: Single, y_mm: Single, scale: Single, valid: Mask
+) -> tuple[Single, Single]:
+    """Weights (rows, cols-1), (rows-1, cols) of steps of depth over the scale, by their noise, of mean 1.
 
-    slope2: (2, rows, cols) variance of the slope, rad^2.
+    0 at invalid pixels. slope2: (2, rows, cols) variance of the slope, rad^2. scale: h (rows, cols).
     """
     rows, cols = valid.shape
     across, down = np.empty((rows, cols - 1), np.float32), np.empty((rows - 1, cols), np.float32)
-    _weigh(slope2, x_mm, y_mm, valid, across, down)
+    _weigh(slope2, x_mm, y_mm, scale, valid, across, down)
     total = 0.5 * float(across.mean(dtype=np.float64) + down.mean(dtype=np.float64))
     per = np.float32(1.0 / max(total, 1e-30))
     across *= per

@@ -173,7 +173,7 @@ class FineReader:
         del slopes
         down = np.ascontiguousarray(down)
         take_out(level_mm, scale, across, down)
-        weights = step_weights(slope2, x, y, valid)
+        weights = step_weights(slope2, x, y, scale, valid)
         left = sources((across, down), weights)
         del across, down
         self._integrator.solve(left, weights, self._last)

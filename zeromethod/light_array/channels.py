@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.light_array.devices import FULL_SCALE, Counts
-from zeromethod.light_array.estimate import Light, each_led
+from zeromethod.light_array.estimate import Fit, each_led
 from zeromethod.light_array.finer import FinerDents
 from zeromethod.light_array.optics import COUNT
 from zeromethod.light_array.start import Start
@@ -41,22 +39,6 @@ _DARK = -0.7
 """Change of an LED's light, of all of it, from which it is dead."""
 
 
-class Seen(NamedTuple):
-    """What a frame showed.
-
-    left: (256,) residual of the fit, in sigmas; scale: its robust size. reading: (256,) light, from counts.
-    light: what detectors see of the LEDs. lit: (256,) levels times gains. sigma: noise of one reading.
-    """
-
-    left: Float
-    scale: float
-    counts: Counts
-    reading: Float
-    light: Light
-    lit: Float
-    sigma: float
-
-
 class Channels:
     """Which LEDs and detectors are used.
 
@@ -67,7 +49,7 @@ class Channels:
     """
 
     def __init__(self, start: Start, finer: FinerDents) -> None:
-        self._finer = finer
+        self._start, self._finer = start, finer
         finer.begin(start)
         self.faults = dict(start.faults)
         self.led = start.led.copy()
@@ -79,36 +61,37 @@ class Channels:
         self._mean = np.zeros(COUNT)
         self._frames = 0
 
-    def see(self, frame: Seen, at_rest: bool) -> list[str]:
+    def see(self, found: Fit, counts: Counts, shown: Float, at_rest: bool) -> list[str]:
         """Take a frame's residuals; return notes on channels that are left out from now on.
 
+        counts, shown: what the detectors read, and the levels (256,) that were lit, 1 for full light.
         at_rest: nothing presses. Only then are channels left out: a narrow dent would pass for a fault.
         """
-        off = np.abs(frame.left) > OUTLIER * max(frame.scale, 1.0)
+        off = np.abs(found.left) > OUTLIER * max(found.scale, 1.0)
         self._running = np.where(off, self._running + 1, 0)
         self.used = self.alive if self.pressed else self.alive & ~off
         self.strange = int(np.count_nonzero(self.alive & off))
         if not at_rest:
             return []
         named = []
-        left = np.where(self.alive, frame.left, 0.0)
+        left = np.where(self.alive, found.left, 0.0)
         lasting = self.alive & (self._running >= _NAMED_AFTER)
         if lasting.any():
-            named += self._dead(frame, left, lasting)
+            columns = each_led(found.look) * (self.led * shown) / self._start.model.sigma
+            named += self._dead(columns, left, counts, lasting)
         self._mean += (left - self._mean) / min(self._frames + 1, _SLOW)
         self._frames += 1
         if self._frames % _SLOW == 0:
             named += self._drifting()
         return named
 
-    def _dead(self, frame: Seen, left: Float, lasting: Mask) -> list[str]:
+    def _dead(self, columns: Float, left: Float, counts: Counts, lasting: Mask) -> list[str]:
         """Leave out the one channel, dead or saturated, that explains most of the residuals left.
 
-        lasting: (256,) detectors that have been off for long enough. Several of them around one place may be
-        a narrow dent.
+        columns: (detectors, LEDs) light of each LED, in sigmas of a reading. lasting: (256,) detectors that
+        have been off for long enough. Several of them around one place may be a narrow dent.
         """
-        columns = each_led(frame.light) * frame.lit / frame.sigma
-        columns[~self.alive] = 0.0
+        columns = np.where(self.alive[:, None], columns, 0.0)
         share = columns.T @ left
         power = np.sum(columns**2, axis=0)
         explained = np.divide(share**2, power, out=np.zeros(COUNT), where=power > 1)
@@ -117,8 +100,8 @@ class Channels:
         place = (columns > _FOOTPRINT * columns.max(axis=0)).T
         around = place @ np.maximum(left**2 - noise, 0.0)
         explained[(explained < _WHOLE * around) | (share >= _DARK * power)] = 0.0
-        saturated = frame.counts > _SATURATED * FULL_SCALE
-        alone = lasting & (saturated | (frame.reading < _DEAD))
+        saturated = counts > _SATURATED * FULL_SCALE
+        alone = lasting & (saturated | (self._start.reading(counts) < _DEAD))
         detector, led = int(np.argmax(np.abs(left) * alone)), int(np.argmax(explained))
         if explained[led] > (left[detector] ** 2 if alone[detector] else 0.0):
             return self._leave_out(led, "dead", led=True)

@@ -40,7 +40,7 @@ class DepthReader:
         counts = np.ceil((high - low) / _STEP_MM).astype(int) + 1
         self._x, self._y = (np.linspace(a, b, n) for a, b, n in zip(low, high, counts, strict=True))
         grid = np.stack([part.ravel() for part in np.meshgrid(self._x, self._y)], axis=1)
-        self._grid = modes.depth(grid)
+        self._grid = modes.derivatives(grid)[0]
         self._share, self._shares = self._optics(grid), self._optics(self.points_mm)
         # what the modes leave out of a dent is estimated from the shortest third of their waves: in the
         # narrowest dent expected, the waves left out have so many times its size

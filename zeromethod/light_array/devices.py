@@ -7,8 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from zeromethod.light_array.rig import LightArrayRig
-
 Counts = NDArray[np.uint16]
 """(256,) levels of LEDs or readings of detectors, 0 to 65535."""
 
@@ -34,12 +32,12 @@ class ArraysLost(Exception):
 
 
 class LightArrays:
-    """Arrays, real or simulated. What is defined here is right for arrays that cannot be lost."""
+    """Arrays, real or simulated. What is defined here is right for arrays that cannot be lost.
 
-    @property
-    def refused(self) -> int:
-        """How many frames arrived damaged so far; they were dropped."""
-        return 0
+    broken: how many frames arrived damaged so far; they were dropped.
+    """
+
+    broken = 0
 
     def send(self, number: int, levels: Counts) -> None:
         """Have levels lit as soon as possible. Raises ArraysLost."""
@@ -59,15 +57,3 @@ class LightArrays:
     def phase_at(self, time_ns: int) -> str:  # noqa: ARG002 - only simulated arrays know it
         """Part of a simulated scenario at a time of the arrays' clock, "" where unknown."""
         return ""
-
-
-def open_arrays(rig: LightArrayRig) -> LightArrays:
-    """Arrays that a rig names. Raises InputError, one line, for an address that cannot be opened."""
-    address = rig.arrays.address
-    if address == "simulated":
-        from zeromethod.light_array.simulated import SimulatedArrays  # noqa: PLC0415 - only one of both is needed
-
-        return SimulatedArrays(rig)
-    from zeromethod.light_array.link import LinkedArrays  # noqa: PLC0415
-
-    return LinkedArrays(address)

@@ -53,21 +53,15 @@ class Model(NamedTuple):
     sigma: float
 
 
-class Light(NamedTuple):
-    """What detectors see of the LEDs: a detector sees LED (row, column) by across[row] * along[column].
+class Look(NamedTuple):
+    """Where detectors look, and what they see there: of LED (row, column) across[row] * along[column].
 
-    along, across: (256, 16).
+    place: (256, 2) LED pitches, 0 at LED 0. along, across: (256, 16).
     """
 
+    place: Float
     along: Float
     across: Float
-
-
-class Look(NamedTuple):
-    """Where detectors look: (256, 2) LED pitches, 0 at LED 0; and what they see there."""
-
-    place: Float
-    light: Light
 
 
 def model_of(rig: LightArrayRig) -> Model:
@@ -146,7 +140,7 @@ def look(model: Model, modes: Float) -> Look:
                 spots[axis, k, led] = spot
                 spot *= ratio
                 ratio *= decay
-    return Look(place, Light(spots[0], spots[1]))
+    return Look(place, spots[0], spots[1])
 
 
 @numba.njit(cache=True, fastmath=True)
@@ -162,20 +156,20 @@ def _row_sums(one: Float, other: Float) -> Float:
 
 
 @numba.njit(cache=True)
-def seen(light: Light, levels: Float) -> Float:
+def seen(at: Look, levels: Float) -> Float:
     """(256,) light that each detector sees of levels (256,)."""
-    return _row_sums(light.across, light.along @ levels.reshape(SIDE, SIDE).T)
+    return _row_sums(at.across, at.along @ levels.reshape(SIDE, SIDE).T)
 
 
 @numba.njit(cache=True)
-def _back(light: Light, values: Float) -> Float:
+def _back(at: Look, values: Float) -> Float:
     """(256,) the transpose of `seen`: how much each LED adds to values (256,) of the detectors."""
-    return ((light.across * values.reshape(COUNT, 1)).T @ light.along).reshape(COUNT)
+    return ((at.across * values.reshape(COUNT, 1)).T @ at.along).reshape(COUNT)
 
 
-def each_led(light: Light) -> Float:
+def each_led(at: Look) -> Float:
     """(detectors, LEDs) light that each detector sees of each LED at full level, alone."""
-    return (light.across[:, :, None] * light.along[:, None, :]).reshape(COUNT, COUNT)
+    return (at.across[:, :, None] * at.along[:, None, :]).reshape(COUNT, COUNT)
 
 
 @numba.njit(cache=True)
@@ -184,7 +178,7 @@ def light_by_place(model: Model, at: Look, levels: Float) -> tuple[Float, Float]
 
     The second in sigmas of a reading per LED pitch.
     """
-    along, across = at.light
+    along, across = at.along, at.across
     by_column = levels.reshape(SIDE, SIDE).T
     rows, moments = along @ by_column, (along * _LEDS) @ by_column
     total = _row_sums(across, rows)
@@ -196,26 +190,26 @@ def light_by_place(model: Model, at: Look, levels: Float) -> tuple[Float, Float]
 
 
 @numba.njit(cache=True)
-def correction(light: Light, missing: Float, gain: Float, sigma: float) -> Float:
+def correction(at: Look, missing: Float, gain: Float, sigma: float) -> Float:
     """(256,) change of levels that adds the light `missing` (256,) at the detectors, within its noise sigma.
 
     gain: (256,) of each LED, 0 for none.
     """
     change = np.zeros(COUNT)
     left = missing.copy()
-    slope = gain * _back(light, left)
+    slope = gain * _back(at, left)
     along = slope.copy()
     size = slope @ slope
-    along_flat, across_flat = light.along.reshape(-1), light.across.reshape(-1)
+    along_flat, across_flat = at.along.reshape(-1), at.across.reshape(-1)
     enough = sigma * sigma * (along_flat @ along_flat) * (across_flat @ across_flat) / COUNT
     for done in range(_PASSES):
         if size <= (enough if done else 0.0):
             break
-        adds = np.where(missing != 0.0, seen(light, gain * along), 0.0)
+        adds = np.where(missing != 0.0, seen(at, gain * along), 0.0)
         step = size / (adds @ adds + _DAMPING * (along @ along))
         change += step * along
         left -= step * adds
-        slope = gain * _back(light, left) - _DAMPING * change
+        slope = gain * _back(at, left) - _DAMPING * change
         before, size = size, slope @ slope
         along = slope + size / before * along
     return change
@@ -223,7 +217,7 @@ def correction(light: Light, missing: Float, gain: Float, sigma: float) -> Float
 
 @numba.njit(cache=True)
 def next_levels(
-    light: Light, missing: Float, gain: Float, shown: Float, newest: Float, share: float, sigma: float
+    at: Look, missing: Float, gain: Float, shown: Float, newest: Float, share: float, sigma: float
 ) -> tuple[Float, float, float]:
     """Levels (256,) that bring detectors to rest, what they can still add to a frame, and what it lacks, rms.
 
@@ -233,15 +227,15 @@ def next_levels(
     shown, newest: levels lit in the frame, and those sent last, whose light is on its way. share: of a
     correction that is applied.
     """
-    covered = seen(light, np.where(gain > 0.0, 1.0, 0.0)) > _COVERED
+    covered = seen(at, np.where(gain > 0.0, 1.0, 0.0)) > _COVERED
     missing = np.where(covered, missing, 0.0)
-    lacks = missing - np.where(missing != 0.0, seen(light, gain * (newest - shown)), 0.0)
-    change = correction(light, lacks, gain, sigma)
+    lacks = missing - np.where(missing != 0.0, seen(at, gain * (newest - shown)), 0.0)
+    change = correction(at, lacks, gain, sigma)
     stuck = ((newest <= 0.0) & (change < 0.0)) | ((newest >= 1.0) & (change > 0.0))
     if stuck.any():  # what LEDs at their limit cannot give, the others around them may
-        change = correction(light, lacks, np.where(stuck, 0.0, gain), sigma)
+        change = correction(at, lacks, np.where(stuck, 0.0, gain), sigma)
     whole = np.minimum(np.maximum(newest + change, 0.0), 1.0)
-    adds = np.where(missing != 0.0, seen(light, gain * (whole - shown)), 0.0)
+    adds = np.where(missing != 0.0, seen(at, gain * (whole - shown)), 0.0)
     wanted = np.minimum(np.maximum(newest + share * change, 0.0), 1.0)
     used = max(1.0, np.count_nonzero(missing) * 1.0)
     could, residual = math.sqrt(adds @ adds / used), math.sqrt(missing @ missing / used)

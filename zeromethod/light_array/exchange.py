@@ -49,7 +49,7 @@ class Exchange:
         self.stopped = False
         self._reopen_s = reopen_s
         self._sent: deque[tuple[int, Counts]] = deque(maxlen=_REMEMBERED)
-        self._number = self._refused = self._backwards = 0
+        self._number = self._backwards = 0
         self._silent_s = 0.0
 
     def newest_levels(self) -> Counts:
@@ -107,9 +107,8 @@ class Exchange:
         except ArraysLost as error:
             self._lost(str(error))
             return None
-        if broken := self.arrays.refused - self._refused:
-            self.counts["frames broken on the way"] += broken
-            self._refused = self.arrays.refused
+        if self.arrays.broken:
+            self.counts["frames broken on the way"] = self.arrays.broken
         if got is None:
             return None
         self.record("readings", got.number, got.shown, got.time_ns, got.counts)

@@ -100,7 +100,7 @@ class FinerDents:
         self._left = np.ascontiguousarray((seen - jacobian @ read).T)
         self._read = read[:count, : len(self._sigma)]
         true = self._fields(self._grid, np.arange(len(self._sigma)))[0]
-        self._missed = np.abs(true - self._modes.depth(self._grid) @ self._read).max(axis=0)
+        self._missed = np.abs(true - self._modes.derivatives(self._grid)[0] @ self._read).max(axis=0)
         self.use(alive)
 
     def use(self, alive: Mask) -> None:

@@ -7,7 +7,7 @@ import zlib
 
 import numpy as np
 
-from zeromethod.light_array.devices import Counts, Readings
+from zeromethod.light_array.devices import Readings
 
 LEVELS, READINGS = 1, 2
 """Kinds of frame: levels from host to arrays (`shown` and `time_ns` are 0), readings from arrays to host."""
@@ -19,17 +19,8 @@ _CONTENT = struct.Struct("<2sBBIIQ512s")
 FRAME_BYTES = _CONTENT.size + 4
 
 
-def levels_frame(number: int, levels: Counts) -> bytes:
-    """Frame that asks for levels (256,)."""
-    return _packed(LEVELS, Readings(number, 0, 0, levels))
-
-
-def readings_frame(readings: Readings) -> bytes:
-    """Frame of one reading of every detector."""
-    return _packed(READINGS, readings)
-
-
-def _packed(kind: int, of: Readings) -> bytes:
+def frame(kind: int, of: Readings) -> bytes:
+    """Frame of a kind; of levels: their number and, as counts, the levels (256,)."""
     number, shown = of.number & 0xFFFFFFFF, of.shown & 0xFFFFFFFF
     values = of.counts.astype("<u2").tobytes()
     content = _CONTENT.pack(_MAGIC, _VERSION, kind, number, shown, of.time_ns, values)

@@ -14,7 +14,7 @@ from contextlib import suppress
 
 from zeromethod.errors import InputError
 from zeromethod.light_array.devices import ArraysLost, Counts, LightArrays, Readings
-from zeromethod.light_array.frames import READINGS, Frames, levels_frame
+from zeromethod.light_array.frames import LEVELS, READINGS, Frames, frame
 
 _ADDRESS = re.compile(r"udp://(?P<host>\[[^\]]+\]|[^:/\[\]]+):(?P<port>\d{1,5})|serial://(?P<path>/.+)")
 ALLOWED = '"simulated", udp://HOST:PORT, or serial:///dev/NAME'
@@ -40,11 +40,6 @@ class LinkedArrays(LightArrays):
             why = error.strerror or error
             raise InputError(f"arrays.address: {address!r}: cannot be opened: {why}") from None
 
-    @property
-    def refused(self) -> int:
-        """How many frames arrived damaged so far; they were dropped."""
-        return self._frames.broken
-
     def _open(self) -> None:
         self.close()
         if self._path is None:
@@ -68,10 +63,10 @@ class LinkedArrays(LightArrays):
 
         Where the other end takes nothing, the rest of the frame is left out, which its checksum shows there.
         """
-        frame = levels_frame(number, levels)
+        left = frame(LEVELS, Readings(number, 0, 0, levels))
         try:
-            while frame and select.select([], [self._handle], [], 0.05)[1]:
-                frame = frame[os.write(self._handle, frame) :]
+            while left and select.select([], [self._handle], [], 0.05)[1]:
+                left = left[os.write(self._handle, left) :]
         except (ConnectionRefusedError, BlockingIOError):
             pass  # nobody listens there yet, or takes it: no readings come either, and the state says so
         except OSError as error:
@@ -99,6 +94,7 @@ class LinkedArrays(LightArrays):
                 if not data and self._path is not None:
                     raise OSError("the serial line was closed")
                 self._waiting.extend(self._frames.add(data))
+                self.broken = self._frames.broken
 
     def reopen(self) -> bool:
         """Try once to open lost arrays again; whether they are open."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from zeromethod.arrays import Float
 from zeromethod.contact import Contact
-from zeromethod.light_array.channels import Channels, Seen
+from zeromethod.light_array.channels import Channels
 from zeromethod.light_array.depth import DepthReader
 from zeromethod.light_array.devices import FULL_SCALE, Counts, LightArrays, Readings
 from zeromethod.light_array.estimate import Fit, fit, look, model_of, next_levels
@@ -82,8 +82,8 @@ class LightStep(StepFigures):
 class LightLoop:
     """Arrays under control.
 
-    counts: events so far, by name. start: what was measured first, None before. model: the optics, with the
-    places that detectors were found to look at.
+    counts: events so far, by name. faults: channels that are left out, and why. start: what was measured
+    first, None before. model: the optics, with the places that detectors were found to look at.
     """
 
     def __init__(self, rig: LightArrayRig, arrays: LightArrays, record: Record = no_record) -> None:
@@ -96,18 +96,13 @@ class LightLoop:
         self.reader = DepthReader(rig, self._finer)
         self.start: Start | None = None
         self.state, self.reason = State.STARTING, ""
+        self.faults: dict[str, str] = {}
         self._frames = self._begin_ns = 0
-        self._from_rest()
         self._covariance = np.diag(1 / self.model.prior)
         self._nulled = self._unfit = 0
         self._settled = self._resting = self._at_rest = False
         self._readings: list[Fit] = []
         self._finer_dent = ""
-
-    @property
-    def faults(self) -> dict[str, str]:
-        """Channels that are left out, and why."""
-        return {} if self.start is None else self._channels.faults
 
     def run(self, frames: int | None = None, seconds: float | None = None) -> Iterator[LightStep]:
         """Measure the start, then close the loop for so many frames or seconds of the arrays' clock."""
@@ -117,29 +112,23 @@ class LightLoop:
             if self.start is None:
                 self.start = measure_start(self.rig, self.model, self._link.measure)
                 self._channels = Channels(self.start, self._finer)
-                self.model = self.start.model
+                self.faults, self.model = self._channels.faults, self.start.model
                 self._from_rest()
                 self._link.send(self.start.levels)
                 notes = (f"{name} is {why} and left out" for name, why in self.faults.items())
                 yield self._step(notes=tuple(notes))
             while not self._link.stopped and self._frames < last_frame:
                 got = self._link.next()
-                step = self._without_readings() if got is None else self._take(got)
+                step = self._step() if got is None else self._take(got)
                 yield step
                 if step.state is State.FAULT or step.time_s >= last_s:
                     return
         except GivenUp:
-            yield self._without_readings()
+            yield self._step()
 
     def stop(self) -> None:
         """End the run after the frame in hand."""
         self._link.stopped = True
-
-    def _without_readings(self) -> LightStep:
-        """Step in the state that missing readings make."""
-        if self._link.trouble:
-            self.state, self.reason = self._link.trouble
-        return self._step()
 
     def _from_rest(self) -> None:
         """Let the next frame's fit start from the mirror at rest."""
@@ -168,16 +157,15 @@ class LightLoop:
         )  # fmt: skip
         self._estimate, self._look = found.state, found.look
         self._settled = found.moved < _SETTLED
-        light, used = found.look.light, channels.used
+        used = channels.used
         missing = np.where(used, self.start.rest - reading, 0.0)
         wanted, could, residual = next_levels(
-            light, missing, channels.led, shown, newest / FULL_SCALE, self.rig.control.gain, sigma
+            found.look, missing, channels.led, shown, newest / FULL_SCALE, self.rig.control.gain, sigma
         )
         self._link.send(np.rint(wanted * FULL_SCALE).astype(np.uint16))
         fits = found.scale < _FITS
         at_rest = self._at_rest and fits and (self._unfit < _UNFIT_FRAMES or bool(self._finer_dent))
-        frame = Seen(found.left, found.scale, got.counts, reading, light, lit, sigma)
-        notes = channels.see(frame, at_rest)
+        notes = channels.see(found, got.counts, shown, at_rest)
         self.counts.update(note.removesuffix(" and left out") for note in notes)
         fits = fits and channels.strange <= _MOST_STRANGE
         modes, peak, surface = self._read(found, got.time_ns) if fits else (None, None, None)
@@ -230,7 +218,9 @@ class LightLoop:
         return modes, peak, surface
 
     def _step(self, got: Readings | None = None, notes: tuple[str, ...] = (), **more: Any) -> LightStep:
-        """Step of the newest readings, or of none."""
+        """Step of the newest readings, or of none, in the state that this makes."""
+        if got is None and self._link.trouble:
+            self.state, self.reason = self._link.trouble
         last = got or self._link.last
         at_ns = 0 if last is None else last.time_ns
         notes, self._link.notes = self._link.notes + notes, ()

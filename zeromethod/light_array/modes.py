@@ -43,10 +43,6 @@ class Modes:
         size = 4 * depth * width * np.sqrt(np.pi / np.prod(side)) * np.exp(-square[first] * width**2 / 2)
         return cls(np.array([x0, y0]), wave[:, first], size)
 
-    def depth(self, points_mm: Float) -> Float:
-        """(n, modes) depth of each mode at points (n, 2), mm."""
-        return np.asarray(self.derivatives(points_mm)[0])
-
     def derivatives(self, points_mm: Float) -> Float:
         """(6, n, modes): depth, d/dx, d/dy, d2/dx2, d2/dxdy, d2/dy2, in mm."""
         x, y = ((points_mm[:, k, None] - self.corner_mm[k]) * self.wave[k] for k in (0, 1))

@@ -15,9 +15,10 @@ from zeromethod.errors import InputError
 from zeromethod.light_array.devices import Counts, LightArrays, Readings
 from zeromethod.light_array.loop import LightLoop
 from zeromethod.light_array.optics import COUNT
-from zeromethod.light_array.rig import LightArrayRig, checked
+from zeromethod.light_array.rig import LightArrayRig
 from zeromethod.recording.file import check_new
 from zeromethod.recording.schema import LIGHT_ARRAYS
+from zeromethod.rig.refusal import validated
 
 FORMAT_VERSION = 1
 _ROWS_PER_WRITE = 500
@@ -105,7 +106,7 @@ def _recorded(path: Path) -> tuple[LightArrayRig, dict[str, Any]]:
         raise InputError(f"{path}: damaged: {' '.join(str(error).split())}") from None
     if written_by != FORMAT_VERSION:
         raise InputError(f"{path}: written by another version of zeromethod")
-    return checked(json.loads(rig), path), tables
+    return validated(LightArrayRig, json.loads(rig), path), tables
 
 
 def replay(path: Path) -> dict[str, Any]:
@@ -118,20 +119,19 @@ def replay(path: Path) -> dict[str, Any]:
 
     # without readings, after the last ones, the loop ends by itself
     frames = sum(step.sensed for step in LightLoop(rig, PlayedArrays(tables["readings"]), record).run())
-    sent = [
-        np.array_equal(row["levels"], again["levels"][int(row["number"])])
-        for row in tables["levels"]
-        if int(row["number"]) in again["levels"]
-    ]
-    read = [(row["modes"], again["depth"].get(int(row["number"]))) for row in tables["depth"]]
-    levels_differing = sent.count(False)
-    readings_differing = sum(modes is None or not np.array_equal(before, modes) for before, modes in read)
+    pairs = {
+        name: [(row[-1], again[name].get(int(row["number"]))) for row in tables[name]]
+        for name in ("levels", "depth")
+    }
+    sent = [np.array_equal(before, after) for before, after in pairs["levels"] if after is not None]
+    read = [after is not None and np.array_equal(before, after) for before, after in pairs["depth"]]
+    apart = [float(np.abs(before - after).max()) for before, after in pairs["depth"] if after is not None]
     return {
         "frames": frames,
         "levels": len(sent),
-        "levels_differing": levels_differing,
+        "levels_differing": sent.count(False),
         "readings_of_depth": len(read),
-        "readings_differing": readings_differing,
-        "most_mode_units": max((float(np.abs(a - b).max()) for a, b in read if b is not None), default=0.0),
-        "equal": len(sent) > 0 and levels_differing == readings_differing == 0,
+        "readings_differing": read.count(False),
+        "most_mode_units": max(apart, default=0.0),
+        "equal": len(sent) > 0 and all(sent) and all(read),
     }

@@ -7,14 +7,14 @@ import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
 from zeromethod.errors import InputError
 from zeromethod.optics.prism import PrismGeometry
 from zeromethod.resources import resource
 from zeromethod.rig.load import LIGHT_ARRAY_TABLES, LIGHT_ARRAYS, read_text, rig_path
 from zeromethod.rig.prism_tables import Prism
-from zeromethod.rig.refusal import first_refusal, refused
+from zeromethod.rig.refusal import refused, validated
 from zeromethod.rig.tables import Count, NotNegative, Positive, Rate, Share, Table, Text, Vector2
 
 SIDE = 16
@@ -78,14 +78,6 @@ class Frame(Table):
 
     x_mm: Vector2
     y_mm: Vector2
-
-    @model_validator(mode="after")
-    def _opening(self) -> Frame:
-        for key in ("x_mm", "y_mm"):
-            low, high = getattr(self, key)
-            if high - low < 5:
-                raise refused(key, [low, high], "from, to, at least 5 mm apart")
-        return self
 
 
 class Reading(Table):
@@ -158,14 +150,15 @@ class LightArrayRig(Table):
 
     @model_validator(mode="after")
     def _on_mirror(self) -> LightArrayRig:
+        if self.prism.rest.shape != "flat":
+            raise refused("prism.rest.shape", self.prism.rest.shape, "flat, with arrays")
         mirror = PrismGeometry(self.prism)
-        for key, low, high in (
-            ("x_mm", 0.0, mirror.length_mm),
-            ("y_mm", -mirror.half_width_mm, mirror.half_width_mm),
-        ):
-            opening = getattr(self.frame, key)
-            if not low <= opening[0] < opening[1] <= high:
-                raise refused(f"frame.{key}", list(opening), f"on the mirror, {low:g} to {high:g} mm")
+        half_mm = mirror.half_width_mm
+        sides = ("x_mm", self.frame.x_mm, 0.0, mirror.length_mm), ("y_mm", self.frame.y_mm, -half_mm, half_mm)
+        for key, (start, end), low, high in sides:
+            if start < low or end > high or end - start < 5:
+                rule = f"on the mirror, {low:g} to {high:g} mm: from, to, at least 5 mm apart"
+                raise refused(f"frame.{key}", [start, end], rule)
         return self
 
     def changed(self, scenario: str | None = None, **tables: dict[str, Any]) -> LightArrayRig:
@@ -174,25 +167,14 @@ class LightArrayRig(Table):
         for name, values in tables.items():
             given = {key: value for key, value in values.items() if value is not None}
             data[name] = data.get(name, {}) | given
-        return checked(data | {"scenario": scenario or self.scenario}, "rig")
-
-
-def checked(data: dict[str, Any], where: str | Path) -> LightArrayRig:
-    """Rig of a file's values. Raises InputError "where: key: value: what is allowed"."""
-    try:
-        rig = LightArrayRig.model_validate_json(json.dumps(data), strict=True)
-    except ValidationError as error:
-        raise InputError(f"{where}: {first_refusal(error, LightArrayRig)}") from None
-    if rig.prism.rest.shape != "flat":
-        raise InputError(f"{where}: prism.rest.shape: {rig.prism.rest.shape!r}: flat, with arrays")
-    return rig
+        return validated(LightArrayRig, data | {"scenario": scenario or self.scenario}, "rig")
 
 
 def load_light_array(name: str | Path) -> LightArrayRig | None:
     """Rig of arrays from a file, or the packaged "leds".
 
-    None for a camera's rig, and for what is no rig file: `load_rig` refuses that. Raises InputError, as
-    `checked`, for the first wrong value.
+    None for a camera's rig, and for what is no rig file: `load_rig` refuses that. Raises InputError for the
+    first wrong value.
     """
     packaged = str(name) in LIGHT_ARRAYS
     try:
@@ -200,4 +182,4 @@ def load_light_array(name: str | Path) -> LightArrayRig | None:
         data = tomllib.loads(read_text(path))
     except (InputError, tomllib.TOMLDecodeError):
         return None
-    return checked(data, path) if LIGHT_ARRAY_TABLES & set(data) else None
+    return validated(LightArrayRig, data, path) if LIGHT_ARRAY_TABLES & set(data) else None

@@ -11,9 +11,11 @@ from typing import Any, cast
 import numpy as np
 
 from zeromethod.arrays import Float
-from zeromethod.light_array.devices import open_arrays
+from zeromethod.clock import SimulatedClock
 from zeromethod.light_array.exchange import no_record
+from zeromethod.light_array.link import LinkedArrays
 from zeromethod.light_array.loop import READ_EVERY, LightLoop, LightStep
+from zeromethod.light_array.recording import Recorder
 from zeromethod.light_array.rig import LightArrayRig
 from zeromethod.light_array.simulated import SimulatedArrays
 from zeromethod.loop.state import State
@@ -28,18 +30,12 @@ _KEPT = 200_000
 """Newest readings of depth, or frames, that the figures are of."""
 
 
-class ArraysClock:
-    """The arrays' clock, as far as readings have given it."""
-
-    def __init__(self) -> None:
-        self.time_ns = 0
-
-    def now_ns(self) -> int:
-        """Time of the newest readings."""
-        return self.time_ns
+class ArraysClock(SimulatedClock):
+    """The arrays' clock, as far as readings have given it; it goes back where the arrays start again."""
 
     def sleep_until_ns(self, time_ns: int) -> None:
-        """Nothing: only readings move this clock."""
+        """Set the time."""
+        self._now_ns = time_ns
 
 
 class LightSession:
@@ -52,11 +48,10 @@ class LightSession:
     def __init__(self, rig: LightArrayRig, publish: str | None = None, record: Path | None = None) -> None:
         self.rig, self.clock, recorded = rig, ArraysClock(), no_record
         with ExitStack() as stack:
-            arrays = stack.enter_context(closing(open_arrays(rig)))
-            self._truth = arrays if isinstance(arrays, SimulatedArrays) else None
+            address = rig.arrays.address
+            self._truth = SimulatedArrays(rig) if address == "simulated" else None
+            arrays = stack.enter_context(closing(self._truth or LinkedArrays(address)))
             if record is not None:
-                from zeromethod.light_array.recording import Recorder  # noqa: PLC0415 - h5py loads slowly
-
                 recorded = stack.enter_context(closing(Recorder(record, rig))).add
             self._publisher = None if publish is None else stack.enter_context(Publisher(publish, self.clock))
             self.loop = LightLoop(rig, arrays, recorded)
@@ -93,7 +88,7 @@ class LightSession:
         """Run the loop; steps as they come."""
         for step in self.loop.run(frames, self.seconds(frames, seconds)):
             self.last = step
-            self.clock.time_ns = step.time_ns
+            self.clock.sleep_until_ns(step.time_ns)
             if step.sensed:
                 self._frames += 1
                 self._loop_ms.append(step.loop_ms)

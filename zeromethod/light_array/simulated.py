@@ -33,8 +33,6 @@ class FramedMirror:
 
     def field(self, x: Float, y: Float) -> tuple[Float, Float, Float]:
         """(depth mm, dd/dx, dd/dy) at points."""
-        if not self._mirror.dents:
-            return np.zeros(x.shape), np.zeros(x.shape), np.zeros(x.shape)
         xs = ((x, 1.0), (2 * self._x0 - x, -1.0), (2 * self._x1 - x, -1.0))
         ys = ((y, 1.0), (2 * self._y0 - y, -1.0), (2 * self._y1 - y, -1.0))
         places = np.array([(a, b) for a, _ in xs for b, _ in ys])

@@ -22,7 +22,7 @@ import numpy as np
 
 from zeromethod.errors import InputError
 from zeromethod.light_array.devices import Readings
-from zeromethod.light_array.frames import LEVELS, Frames, readings_frame
+from zeromethod.light_array.frames import LEVELS, READINGS, Frames, frame
 from zeromethod.light_array.rig import load_light_array
 from zeromethod.light_array.simulated import SimulatedArrays
 
@@ -56,12 +56,12 @@ class _Line:
         data, self._peer = self._socket.recvfrom(1 << 16)
         return self._frames.add(data)
 
-    def send(self, frame: bytes) -> None:
+    def send(self, data: bytes) -> None:
         """Send a frame to the host that sent levels last."""
         if self._socket is not None and self._peer is not None:
-            self._socket.sendto(frame, self._peer)
+            self._socket.sendto(data, self._peer)
         elif select.select([], [self._handle], [], 0)[1]:
-            os.write(self._handle, frame)
+            os.write(self._handle, data)
 
 
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
@@ -82,12 +82,29 @@ def stand_in(
     end: int | None, wait_s: float,
 ) -> None:  # fmt: skip
     """Serve simulated arrays at ADDRESS: udp://HOST:PORT, or serial."""
+    luck, count = np.random.default_rng(0), 0
     try:
         arrays = load_light_array(rig)
         if arrays is None:
             raise InputError(f"--rig: {rig}: a rig of arrays")
-        device = SimulatedArrays(arrays.changed(scenario))
-        _serve(_Line(address), device, lose, broken, stall, end, wait_s)
+        device, line = SimulatedArrays(arrays.changed(scenario)), _Line(address)
+        click.echo(line.address)
+        sys.stdout.flush()
+        while not (asked := line.levels(0.2)):
+            pass
+        while end is None or count < end:
+            for one in asked:
+                device.send(one.number, one.counts)
+            found = device.receive(0.1)
+            count += 1
+            if count == int(stall[0]):
+                time.sleep(stall[1])
+            if found is not None and luck.random() >= lose:
+                data = bytearray(frame(READINGS, found))
+                if luck.random() < broken:
+                    data[100] ^= 0xFF
+                line.send(bytes(data))
+            asked = line.levels(wait_s)
     except KeyboardInterrupt:
         click.echo("interrupted", err=True)
         sys.exit(130)
@@ -95,31 +112,6 @@ def stand_in(
         words = f"{address}: {error.strerror}" if isinstance(error, OSError) else str(error)
         click.echo(f"stand_in: {words}", err=True)
         sys.exit(2)
-
-
-def _serve(
-    line: _Line, device: SimulatedArrays, lose: float, broken: float, stall: tuple[float, float],
-    end: int | None, wait_s: float,
-) -> None:  # fmt: skip
-    """Answer levels with readings, as the options say, until the end."""
-    luck, count = np.random.default_rng(0), 0
-    click.echo(line.address)
-    sys.stdout.flush()
-    while not (asked := line.levels(0.2)):
-        pass
-    while end is None or count < end:
-        for one in asked:
-            device.send(one.number, one.counts)
-        found = device.receive(0.1)
-        count += 1
-        if count == int(stall[0]):
-            time.sleep(stall[1])
-        if found is not None and luck.random() >= lose:
-            frame = bytearray(readings_frame(found))
-            if luck.random() < broken:
-                frame[100] ^= 0xFF
-            line.send(bytes(frame))
-        asked = line.levels(wait_s)
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ import numpy as np
 from zeromethod.arrays import Float
 from zeromethod.errors import MeasurementError
 from zeromethod.light_array.devices import FULL_SCALE, Counts, Readings
-from zeromethod.light_array.estimate import Light, Model, each_led, look, seen
+from zeromethod.light_array.estimate import Look, Model, each_led, look, seen
 from zeromethod.light_array.optics import COUNT
 from zeromethod.light_array.rig import SIDE, LightArrayRig
 
@@ -102,9 +102,9 @@ def measure_start(rig: LightArrayRig, model: Model, exchange: Exchange) -> Start
     return Start(model, led, detector, dark, offset, rest, levels, faults)
 
 
-def _at_rest(model: Model) -> Light:
+def _at_rest(model: Model) -> Look:
     """What detectors see of the LEDs in the mirror at rest."""
-    return look(model, np.zeros(model.by_mode.shape[2])).light
+    return look(model, np.zeros(model.by_mode.shape[2]))
 
 
 def footprints(model: Model) -> Float:

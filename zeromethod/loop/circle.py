@@ -57,13 +57,15 @@ class Sensor(Protocol):
         self,
         image: Image,
         guess: Float | None = None,
+        continued: Float | None = None,
         *,
         light_share: Single | None = None,
         target_rad: Float | None = None,
     ) -> Residual:
         """Residual of a (rows, cols) image; guess: (rows, cols, 2) px expected, NaN = none.
 
-        light_share: (rows, cols) of the image, light expected over that at rest; None = as at rest.
+        continued: the same of all nodes. light_share: (rows, cols) of the image, light expected over that at
+        rest; None = as at rest.
         target_rad: (rows, cols, 2) known phase of the target along its two carriers; None = 0.
         """
 
@@ -303,10 +305,11 @@ class Circle:
     def _sense(self, observation: Observation, known: Known, lit_q: Float) -> Residual:
         """Residual against the mix that was shown."""
         bias_px = None if observation.mixture is None else observation.mixture.bias_px
-        guess = known.residual_px if bias_px is None else known.residual_px + bias_px
+        moved = 0.0 if bias_px is None else bias_px
+        guesses = known.residual_px + moved, known.continued_px + moved
         light = None if self._expected_light is None else self._expected_light.share(lit_q)
         target = None if observation.target is None else observation.target.node_rad
-        seen = self._sensor.measure(observation.frame.image, guess, light_share=light, target_rad=target)
+        seen = self._sensor.measure(observation.frame.image, *guesses, light_share=light, target_rad=target)
         residual = unmixed(seen, observation, self.rest.grid)
         self._lost_light.open(residual)
         return residual

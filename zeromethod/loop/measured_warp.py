@@ -46,12 +46,13 @@ class Known:
 
     q: (rows, cols, 2) LCD px, where the nodes looked last. trusted: (rows, cols) nodes whose carrier order is
     known. residual_px: (rows, cols, 2) camera px, what the next residual is if nothing moved; NaN where not
-    trusted.
+    trusted. continued_px: the same of all nodes.
     """
 
     q: Float
     trusted: Mask
     residual_px: Float
+    continued_px: Float
 
 
 @numba.njit(cache=True)
@@ -95,8 +96,8 @@ def _propagate(shown: Float, sigma_px: Float, inverse_spacing: float, sigma: Flo
 
 
 @numba.njit(cache=True)
-def _expected(shown: Float, known: Float, trusted: Mask, inverse_spacing: float, out: Float) -> None:
-    """Solve to first order shown((u, v) + d) = known for d, camera px; NaN where not trusted."""
+def _expected(shown: Float, known: Float, inverse_spacing: float, out: Float) -> None:
+    """Solve to first order shown((u, v) + d) = known for d, camera px; NaN where shown has no area."""
     rows, cols = shown.shape[0], shown.shape[1]
     for j in range(rows):
         j0, j1 = max(j - 1, 0), min(j + 1, rows - 1)
@@ -105,14 +106,13 @@ def _expected(shown: Float, known: Float, trusted: Mask, inverse_spacing: float,
             i0, i1 = max(i - 1, 0), min(i + 1, cols - 1)
             du = inverse_spacing / (i1 - i0)
             out[j, i, 0] = out[j, i, 1] = math.nan
-            if trusted[j, i]:
-                xu, yu = du * (shown[j, i1, 0] - shown[j, i0, 0]), du * (shown[j, i1, 1] - shown[j, i0, 1])
-                xv, yv = dv * (shown[j1, i, 0] - shown[j0, i, 0]), dv * (shown[j1, i, 1] - shown[j0, i, 1])
-                area = xu * yv - xv * yu
-                if area != 0.0:
-                    dx, dy = known[j, i, 0] - shown[j, i, 0], known[j, i, 1] - shown[j, i, 1]
-                    out[j, i, 0] = (yv * dx - xv * dy) / area
-                    out[j, i, 1] = (xu * dy - yu * dx) / area
+            xu, yu = du * (shown[j, i1, 0] - shown[j, i0, 0]), du * (shown[j, i1, 1] - shown[j, i0, 1])
+            xv, yv = dv * (shown[j1, i, 0] - shown[j0, i, 0]), dv * (shown[j1, i, 1] - shown[j0, i, 1])
+            area = xu * yv - xv * yu
+            if area != 0.0:
+                dx, dy = known[j, i, 0] - shown[j, i, 0], known[j, i, 1] - shown[j, i, 1]
+                out[j, i, 0] = (yv * dx - xv * dy) / area
+                out[j, i, 1] = (xu * dy - yu * dx) / area
 
 
 @numba.njit(cache=True)
@@ -132,8 +132,8 @@ def _change(d: Float, expected: Float, flags: Flags) -> float:
 def expect(observation: Observation, known_q: Float, trusted: Mask, rest: Rest) -> Known:
     """What the residual of an observation is expected to be; arguments as the members of `Known`."""
     out = np.empty_like(known_q)
-    _expected(observation.shown.q, known_q, trusted, 1 / rest.grid.spacing_px, out)
-    return Known(known_q, trusted, out)
+    _expected(observation.shown.q, known_q, 1 / rest.grid.spacing_px, out)
+    return Known(known_q, trusted, np.where(trusted[..., None], out, np.nan), out)
 
 
 def unmixed(residual: Residual, observation: Observation, grid: NodeGrid) -> Residual:

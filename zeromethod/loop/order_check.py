@@ -230,7 +230,7 @@ class OrderCheck:
             return None
         self._kept = None
         expected[~clear] = np.nan
-        return Known(known.q, clear, expected)
+        return Known(known.q, clear, expected, expected)
 
     def _enlarged(self, q: Float) -> Float:
         """The warp (rows, cols, 2) LCD px that draws the target larger by s where `q` draws it."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, model_validator
 
@@ -213,10 +213,8 @@ class WatchSpec(CameraSpec):
             raise refused("projection", self.projection, "'perspective' for a watch camera")
         return self
 
-    def lens(self, right: bool) -> CameraSpec:
-        """One of the two views as a camera of its own, but half-way between the lenses."""
-        half = self.columns // 2
-        cx, cy = self.centre_px
-        keys = self.given() | {"columns": half, "centre_px": (half - 1 - cx if right else cx, cy)}
+    def camera(self, **other: Any) -> CameraSpec:
+        """The table of a plain camera, with other values: all of it, or one of its views."""
+        keys = self.given() | (self.model_extra or {}) | other
         del keys["baseline_mm"]
         return CameraSpec.model_validate(keys)

@@ -5,12 +5,11 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import ValidationError, model_validator
+from pydantic import model_validator
 
 from zeromethod.errors import InputError, check_type
 from zeromethod.rig.device_tables import SIMULATED, CameraSpec, DisplaySpec, Noise, WatchSpec
@@ -18,7 +17,7 @@ from zeromethod.rig.geometry import GeometrySpec
 from zeromethod.rig.interactive_tables import ClothSpec, ProjectorSpec
 from zeromethod.rig.keys import plain, set_value, value_at
 from zeromethod.rig.prism_tables import Layer, Prism, RestSurface
-from zeromethod.rig.refusal import RENAMED, first_refusal, refused, shown, unknown_key
+from zeromethod.rig.refusal import RENAMED, refused, shown, unknown_key, validated
 from zeromethod.rig.simulation_tables import Faults, SimulationSpec
 from zeromethod.rig.tables import (
     MARK_HALF_PX,
@@ -217,11 +216,7 @@ class Rig(Table):
         """
         if refusal := _check_version(data) or _check_simulated_options(data):
             raise InputError(f"{where}: {refusal}")
-        try:
-            # By way of JSON, where pydantic's strict mode still takes a list for a tuple and text for a path.
-            rig = cls.model_validate_json(json.dumps(data, default=str), strict=True)
-        except ValidationError as error:
-            raise InputError(f"{where}: {first_refusal(error, cls)}") from None
+        rig = validated(cls, data, where)
         if not measured:
             rig = rig.model_copy(update={"camera": rig.camera.model_copy(update={"rest_map": None})})
         try:

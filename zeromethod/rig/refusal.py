@@ -7,12 +7,16 @@ import json
 from collections.abc import Mapping
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import Any, Literal, Union, get_args, get_origin
+from typing import Any, Literal, TypeVar, Union, get_args, get_origin
 
 from annotated_types import Ge, Gt, Le, Lt, MinLen, MultipleOf
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails, PydanticCustomError
+
+from zeromethod.errors import InputError
+
+Model = TypeVar("Model", bound=BaseModel)
 
 RENAMED = {
     "press": "scenario",
@@ -55,6 +59,15 @@ def shown(value: object) -> str:
         text = repr(value)
     text = text.replace("NaN", "nan").replace("Infinity", "inf")
     return text if len(text) <= _LONGEST else text[: _LONGEST - 3] + "..."
+
+
+def validated(model: type[Model], data: Mapping[str, Any], where: object) -> Model:
+    """Table of plain values. Raises InputError "where: key: value: what is allowed"."""
+    try:
+        # By way of JSON, where pydantic's strict mode still takes a list for a tuple and text for a path.
+        return model.model_validate_json(json.dumps(data, default=str), strict=True)
+    except ValidationError as error:
+        raise InputError(f"{where}: {first_refusal(error, model)}") from None
 
 
 def _split(annotation: Any) -> tuple[Any, list[Any]]:

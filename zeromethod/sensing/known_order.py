@@ -19,6 +19,9 @@ from zeromethod.warp.validity import Flag
 AMBIGUOUS = int(Flag.AMBIGUOUS)
 STEEPEST = 0.9
 """Edges steeper than this share of half a period (noise included) give no order."""
+AS_GUESSED = 0.25
+"""Largest difference, periods but for whole ones, of an edge's step from the guess's: wrong only where
+neighbours moved apart by three quarters of a period since."""
 BORDER_SHARE = 0.25
 """Least share of all border nodes in a region for them to determine its order."""
 FEW = 64

@@ -150,6 +150,7 @@ class ResidualSensor:
         self,
         image: Image,
         guess: Float | None = None,
+        continued: Float | None = None,
         out: Residual | None = None,
         *,
         light_share: Single | None = None,
@@ -167,6 +168,8 @@ class ResidualSensor:
         guess : (rows, cols, 2), optional
             Expected displacement per node, px, NaN = none; determines the carrier's order in regions that
             are cut off from the border of the view.
+        continued : (rows, cols, 2), optional
+            The guess, continued to nodes that have none; steps from node to node are held against its.
         out : Residual, optional
             Receives the result; without it the result is overwritten by the next call.
         light_share : (image rows, image cols), optional
@@ -205,7 +208,7 @@ class ResidualSensor:
             if target_rad is not None:
                 take_out(out.d, target_rad, period)
             flag_light_edges(out.mean, out.modulation, out.d, out.flags, self._black, period, self._near_edge)
-            self._unwrapper.unwrap(out, guess)
+            self._unwrapper.unwrap(out, guess, continued)
         return out
 
     def _level(self, image: Image, light_share: Single) -> Single:

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zeromethod.arrays import Bytes, Flags, Float
-from zeromethod.sensing.known_order import AMBIGUOUS, BORDER_SHARE, STEEPEST, settle_known_order
+from zeromethod.sensing.known_order import AMBIGUOUS, AS_GUESSED, BORDER_SHARE, STEEPEST, settle_known_order
 from zeromethod.sensing.residual import Residual
 from zeromethod.warp.grid import PADDING, NodeGrid
 from zeromethod.warp.validity import Flag
@@ -71,21 +71,24 @@ class Unwrapper:
         )
         self._no_guess = np.zeros((0, 0, 2))
 
-    def unwrap(self, residual: Residual, guess: Float | None = None) -> None:
+    def unwrap(self, residual: Residual, guess: Float | None = None, continued: Float | None = None) -> None:
         """Unwrap `residual.d` in place and flag nodes that stay ambiguous; near null nothing is to be done.
 
-        guess: (rows, cols, 2) px expected displacement, NaN = none.
+        guess: (rows, cols, 2) px expected displacement, NaN = none. continued: the same, finite where it is
+        only continued from nodes around.
         """
         if not _is_near_null(residual.d, residual.flags, self._period):
-            expected = self._no_guess if guess is None else self._to_carriers(guess)
-            given = residual.d, residual.sigma, residual.flags, expected, self._period
+            expected, steps = self._to_carriers(guess), self._to_carriers(continued)
+            given = residual.d, residual.sigma, residual.flags, expected
             work = self._work
-            if guess is None or not settle_known_order(*given, work.path, work.label):
-                _unwrap(*given, self._border_share, work)
+            if guess is None or not settle_known_order(*given, self._period, work.path, work.label):
+                _unwrap(*given, steps, self._period, self._border_share, work)
         if self._diagonal:
             _from_diagonal(residual.d)
 
-    def _to_carriers(self, guess: Float) -> Float:
+    def _to_carriers(self, guess: Float | None) -> Float:
+        if guess is None:
+            return self._no_guess
         guess = np.ascontiguousarray(guess, dtype=np.float64)
         if not self._diagonal:
             return guess
@@ -120,8 +123,14 @@ def _from_diagonal(d: Float) -> None:
 
 
 @numba.njit(cache=True)
-def _rate_edges(d: Float, sigma: Float, flags: Flags, period: float, jumps: Jumps, costs: Bytes) -> None:
-    """Jump (periods) and cost (0..254, or BLOCKED) of every edge: to the right (0), downwards (1)."""
+def _rate_edges(
+    d: Float, sigma: Float, flags: Flags, continued: Float, period: float, jumps: Jumps, costs: Bytes
+) -> None:
+    """Jump (periods) and cost (0..254, or BLOCKED) of every edge: to the right (0), downwards (1).
+
+    Where the step is nearly the continued guess's but for whole periods, both are those of the difference: a
+    step of half a period, as the summit of a deep dent has in an open loop, would go either way by noise.
+    """
     rows, cols = costs.shape[1:]
     scale, inverse = 508.0 / period, 1.0 / period
     highest = int(STEEPEST * 254)
@@ -137,6 +146,10 @@ def _rate_edges(d: Float, sigma: Float, flags: Flags, period: float, jumps: Jump
                 steep = 0.0
                 for k in range(2):
                     step = d[p, q, k] - d[a, b, k]
+                    if continued.size > 0:
+                        apart = step - (continued[p, q, k] - continued[a, b, k])
+                        if abs(apart - period * np.rint(apart * inverse)) < AS_GUESSED * period:
+                            step = apart
                     jump = -np.rint(step * inverse)
                     jumps[way, r, c, k] = int(jump)
                     noise = sigma[a, b, k] + sigma[p, q, k]
@@ -303,11 +316,18 @@ def _flag_disagreement(flags: Flags, jumps: Jumps, costs: Bytes, label: Ints, or
 
 @numba.njit(cache=True)
 def _unwrap(
-    d: Float, sigma: Float, flags: Flags, guess: Float, period: float, border_share: float, work: _Work
+    d: Float,
+    sigma: Float,
+    flags: Flags,
+    guess: Float,
+    continued: Float,
+    period: float,
+    border_share: float,
+    work: _Work,
 ) -> None:
     jumps, costs, label, order = work.jumps, work.costs, work.label, work.order
     rows, cols = label.shape
-    _rate_edges(d, sigma, flags, period, jumps, costs)
+    _rate_edges(d, sigma, flags, continued, period, jumps, costs)
     _drop_residues(flags, jumps, costs)
     border_nodes = _mark_border(flags, work.border, work.path)
     label[:] = 0

@@ -117,7 +117,7 @@ class Session:
             self._forces = ForceReader(self.rig)
             self._rubbing = RubbingReader(border_blur_px(self.rig)) if self.rig.control.rubbing else None
             self._touched: tuple[Contact, ...] = ()
-            self._uneven = UnevenRest(self.loop.q_rest)
+            self._uneven = UnevenRest(self.loop.q_rest, under_cloth=self.rig.under_cloth)
             self._lamp = Lamp(self._grid) if self.rig.control.lamp and not self.rig.control.passive else None
             self.interaction = stack.enter_context(interaction(self.rig, opened))
             self._publisher = stack.enter_context(publishing(publisher, self._devices.clock))

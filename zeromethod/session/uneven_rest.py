@@ -9,7 +9,7 @@ A node that is off by no more than a press that counts as rest is not corrected,
 lets through at rest is not known: both are left open by all that they, or nodes around, are off.
 
 Threads of a cloth move every node, most by less than one shows. Together they show it: the mean square of
-what such nodes are off beyond noise is left open of each.
+what such nodes are off beyond noise is left open of each; before any rest, that of the first frame.
 """
 
 from __future__ import annotations
@@ -48,10 +48,13 @@ _OPEN = 0.3
 
 
 class UnevenRest:
-    """The nodes that are off at rest, from frame to frame. rest_q: (rows, cols, 2) LCD px of the rest map."""
+    """The nodes that are off at rest, from frame to frame. rest_q: (rows, cols, 2) LCD px of the rest map.
 
-    def __init__(self, rest_q: Float) -> None:
-        self._rest_q = rest_q
+    under_cloth: whether threads move all nodes.
+    """
+
+    def __init__(self, rest_q: Float, *, under_cloth: bool = False) -> None:
+        self._rest_q, self._under_cloth = rest_q, under_cloth
         self._zero: Float | None = None
         self._before: Warp | None = None
         self._forget()
@@ -77,10 +80,21 @@ class UnevenRest:
             self._forget()
         if self._frames < FRAMES and state is State.RESTING and self._still(measured):
             self._learn(measured)
+        if self._under_cloth and self._frames == 0 and self._open is None:
+            self._guess(measured)
         self._before = measured
         if self._off is None or self._open is None:
             return measured
         return replace(measured, q=measured.q - self._off, sigma=np.hypot(measured.sigma, self._open))
+
+    def _guess(self, measured: Warp) -> None:
+        """Leave open of all nodes what those of a frame that do not show it are off, whatever presses."""
+        valid, sigma = measured.valid, measured.sigma
+        if valid.any():
+            off = _against_around(measured.q - self._rest_q, valid)
+            small = valid[..., None] & (np.abs(off) < _NOISES * sigma)
+            usual2 = np.broadcast_to(np.median(sigma[valid], axis=0) ** 2, off.shape)
+            self._off, self._open = np.zeros_like(off), self._everywhere(off, sigma, small, usual2)
 
     def _still(self, measured: Warp) -> bool:
         """Whether the mirror is where it was: the state follows a filter, and a press may outrun it."""
@@ -140,7 +154,8 @@ class UnevenRest:
         # dirt stays as it is; a press that creeps grows, and one that begins may count as rest: left open
         grown = np.zeros_like(off) if self._away is None else np.abs(off - self._away)
         self._away = off
-        everywhere = self._everywhere(off, sigma, known[..., None] & ~uneven)
+        frame2 = self._variance / np.maximum(self._seen, 1.0)[..., None]
+        everywhere = self._everywhere(off, sigma, known[..., None] & ~uneven, frame2)
         if not uneven.any() and not everywhere.any():
             return
         most = REST_WITHIN_LCD_PX + _GROWN * np.maximum(grown - 0.5 * _NOISES * sigma, 0.0)
@@ -153,9 +168,12 @@ class UnevenRest:
         left = np.where(dirt, np.hypot(taken, sigma), np.maximum(taken, alone))
         self._open = np.maximum(np.where(known[..., None], left, largest), everywhere)
 
-    def _everywhere(self, off: Float, sigma: Float, nodes: Mask) -> Float:
-        """(rows, cols, 2) standard deviation of what the nodes (rows, cols, 2) are off beyond noise."""
-        frame2 = self._variance / np.maximum(self._seen, 1.0)[..., None]
+    @staticmethod
+    def _everywhere(off: Float, sigma: Float, nodes: Mask, frame2: Float) -> Float:
+        """(rows, cols, 2) standard deviation of what the nodes (rows, cols, 2) are off beyond noise.
+
+        frame2: (rows, cols, 2) variance of one frame.
+        """
         off2, usual2 = (np.where(nodes, each, 0.0).sum(axis=(0, 1)) for each in (off**2 - sigma**2, frame2))
         share = off2 / np.maximum(usual2, 1e-30)
         return np.asarray(np.sqrt(np.where(share > _EVERYWHERE, share, 0.0) * frame2))

@@ -9,7 +9,6 @@ from zeromethod.arrays import Image, Single
 from zeromethod.rig.model import Rig
 
 _STREAM = 3
-"""Keeps the noise apart from the clocks' jitter under the same seed."""
 _PATTERN_STREAM = 4
 
 
@@ -44,7 +43,8 @@ class Sensor:
     nearest grey level and clips.
     """
 
-    def __init__(self, rig: Rig) -> None:
+    def __init__(self, rig: Rig, stream: int = _STREAM) -> None:
+        """Chip of the rig's camera. stream: keeps its noise apart from other noise under the same seed."""
         camera, noise = rig.camera, rig.camera.noise
         self._full = float(2**camera.bits - 1)
         self._black = noise.black_grey
@@ -52,7 +52,7 @@ class Sensor:
         self._read = noise.read_grey
         self._grey_per_electron = 1.0 / noise.electrons_per_grey if noise.electrons_per_grey else 0.0
         self._dtype = np.uint8 if camera.bits <= 8 else np.uint16
-        self._seed = rig.simulation.seed
+        self._seed, self._stream = rig.simulation.seed, stream
         shape = camera.rows, camera.columns
         self._normal = np.zeros(shape, dtype=np.float32)
         nuisances = rig.simulation.nuisances
@@ -71,7 +71,7 @@ class Sensor:
     def image(self, light: Single, number: int) -> Image:
         """Grey levels (rows, cols) uint8 or uint16, newly allocated, of frame `number` under `light`."""
         if self.noisy:
-            seeds = np.random.SeedSequence((self._seed & (2**64 - 1), _STREAM, number & (2**64 - 1)))
+            seeds = np.random.SeedSequence((self._seed & (2**64 - 1), self._stream, number & (2**64 - 1)))
             np.random.Generator(np.random.SFC64(seeds)).standard_normal(dtype=np.float32, out=self._normal)
         out = np.empty(light.shape, dtype=self._dtype)
         pattern, noise = (self._gain, self._offset), (self._read, self._grey_per_electron)

@@ -14,21 +14,23 @@ from zeromethod.arrays import Float, Image, Mask
 from zeromethod.clock import Clock, HostClock
 from zeromethod.devices.protocols import CameraLost, CameraTimeout, Frame
 from zeromethod.errors import InputError
-from zeromethod.optics.mirror import Flat, height_field
+from zeromethod.optics.camera import Camera
+from zeromethod.optics.layers import through_slabs
+from zeromethod.optics.mirror import Dented, Flat, height_field, normal_of
 from zeromethod.optics.prism import PrismGeometry
+from zeromethod.optics.vectors import dot, unit
 from zeromethod.rig.model import Prism, Rig, WatchSpec
 from zeromethod.simulation.contact.objects import Form, Solid
 from zeromethod.simulation.path import place_at
 from zeromethod.simulation.press import Mirror
 from zeromethod.simulation.room import Room
 from zeromethod.simulation.scenario import Scenario, scenario_of
+from zeromethod.simulation.sensor import Sensor
 
 UNDERSIDE = 0.5
 """Light on the underside of an object over that of the room behind it, which lights it from beside."""
 VEIL = 0.02
 """Share of full scale that the LCD adds: what the mirror reflects of it below total reflection, even here."""
-PEAK = 0.8
-"""Share of the full scale that light 1 gives."""
 _LENS_MM = 150.0
 """Roughly how far the lenses are from the mirror, for the size of a pixel on an object."""
 _STREAM = 7
@@ -36,6 +38,8 @@ _STREAM = 7
 
 class SimulatedWatchCamera:
     """A `Camera` of the rig's table `[watch]`: both views side by side, newest frame only.
+
+    shape, bits: (rows, cols) of every frame, and significant bits per pixel.
 
     It lives on the run's clock, which it never moves in simulated time: a frame that is not there yet is a
     time-out at once.
@@ -46,22 +50,14 @@ class SimulatedWatchCamera:
         if rig.watch is None:
             raise InputError("watch: missing; the simulated watch camera needs it")
         self._rig, self._clock, self._spec = rig, clock, rig.watch
+        self.shape, self.bits = (rig.watch.rows, rig.watch.columns), rig.watch.bits
         self.scenario: Scenario = scenario_of(rig)
         self._room = Room(rig)
+        self._sensor = Sensor(rig.model_copy(update={"camera": rig.watch}), _STREAM)
         self._entry, self._inside = _inside_rays(rig, rig.watch)
         self._rest = _out(self._entry, self._inside, Mirror(), rig.prism)
         self._last = -1
         self._check(clock.now_ns())
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """(rows, cols) of every frame."""
-        return self._spec.rows, self._spec.columns
-
-    @property
-    def bits(self) -> int:
-        """Significant bits per pixel."""
-        return self._spec.bits
 
     def read(self, timeout_s: float) -> Frame:
         """Newest frame not yet returned; raises CameraTimeout or CameraLost."""
@@ -84,16 +80,11 @@ class SimulatedWatchCamera:
         """Nothing to release."""
 
     def image(self, time_ns: int, number: int) -> Image:
-        """(rows, cols) uint8: what is seen at a time, with the noise of frame `number`."""
-        rng = np.random.Generator(np.random.SFC64([self._rig.simulation.seed, _STREAM, number]))
-        noise = self._spec.noise
+        """(rows, cols) grey levels: what is seen at a time, with the noise of frame `number`."""
         light = self.light(1e-9 * time_ns)
         if self._faulty("dark", time_ns):
             light = np.zeros_like(light)
-        signal = (PEAK * 255 - noise.black_grey) * light
-        variance = noise.read_grey**2 + signal / (noise.electrons_per_grey or np.inf)
-        grey = noise.black_grey + signal + np.sqrt(variance) * rng.standard_normal(light.shape, np.float32)
-        return np.clip(np.rint(grey), 0, 255).astype(np.uint8)
+        return self._sensor.image(light.astype(np.float32), number)
 
     def light(self, time_s: float) -> Float:
         """(rows, cols) light without noise, 1 for full scale."""
@@ -133,61 +124,35 @@ class SimulatedWatchCamera:
 
 def _inside_rays(rig: Rig, spec: WatchSpec) -> tuple[Float, Float]:
     """Points on the camera face and directions in the rubber, each (rows, cols, 3); NaN beside the face."""
-    half = spec.columns // 2
-    axis = np.subtract(spec.look_at_mm, spec.position_mm)
-    axis = axis / np.linalg.norm(axis)
-    down = np.array([0.0, 1.0, 0.0]) - axis[1] * axis
-    down = down / np.linalg.norm(down)
-    across, roll = np.cross(down, axis), np.radians(spec.roll_deg)
-    across, down = (
-        np.cos(roll) * across + np.sin(roll) * down,
-        np.cos(roll) * down - np.sin(roll) * across,
-    )
+    half, pose = spec.columns // 2, Camera.place(spec)
     assert spec.focal_px is not None
     matrix = np.array([[spec.focal_px[0], 0, 0], [0, spec.focal_px[1], 0], [0, 0, 1.0]])
-    angle, prism = np.radians(rig.prism.camera_angle_deg), PrismGeometry(rig.prism)
-    outward = np.array([np.sin(angle), 0.0, -np.cos(angle)])
+    face = PrismGeometry(rig.prism).camera_face
     views = []
     for right in (False, True):
         cx = half - 1 - spec.centre_px[0] if right else spec.centre_px[0]
         v, u = np.mgrid[: spec.rows, :half].astype(np.float64)
         pixels = np.stack([u - cx, v - spec.centre_px[1]], axis=-1).reshape(-1, 1, 2)
         x, y = cv2.undistortPoints(pixels, matrix, np.array(spec.distortion)).reshape(spec.rows, half, 2).T
-        ray = axis + x.T[..., None] * across + y.T[..., None] * down
-        ray = ray / np.linalg.norm(ray, axis=-1, keepdims=True)
-        lens = np.array(spec.position_mm) + (0.5 if right else -0.5) * spec.baseline_mm * across
-        way = ((np.array([prism.length_mm, 0, 0]) - lens) @ outward) / (ray @ outward)
-        entry = lens + way[..., None] * ray
-        met = (entry[..., 2] >= prism.apex_mm[2]) & (np.abs(entry[..., 1]) <= prism.half_width_mm)
-        entry[~met] = np.nan
-        views.append((entry, _refracted(ray, -outward, 1.0, rig.prism.index)))
-    return np.concatenate([e for e, _ in views], axis=1), np.concatenate([d for _, d in views], axis=1)
-
-
-def _refracted(ray: Float, normal: Float, index: float, index_out: float) -> Float:
-    """Directions (..., 3) behind a surface, by Snell's law as vectors; normal along the travel; NaN: none."""
-    ratio, cosine = index / index_out, np.sum(ray * normal, axis=-1, keepdims=True)
-    with np.errstate(invalid="ignore"):
-        behind = np.sqrt(1.0 - ratio**2 * (1.0 - cosine**2))
-    refracted: Float = ratio * ray + (behind - ratio * cosine) * normal
-    return refracted
+        ray = unit(pose.axis + x.T[..., None] * pose.u_axis + y.T[..., None] * pose.v_axis)
+        lens = pose.position + (0.5 if right else -0.5) * spec.baseline_mm * pose.u_axis
+        entry = lens + (face.depth_below(lens) / dot(ray, face.normal))[..., None] * ray
+        entry[~face.contains(entry)] = np.nan
+        views.append((entry, through_slabs(ray, -face.normal, 1.0, (), rig.prism.index)[1]))
+    entries, inside = (np.concatenate(both, axis=1) for both in zip(*views, strict=True))
+    return entries, inside
 
 
 def _out(entry: Float, inside: Float, mirror: Mirror, prism: Prism) -> tuple[Float, Float]:
     """Where rays leave the rubber by the pressed mirror, and their directions in the air, (rows, cols, 3)."""
-    height = np.zeros(entry.shape[:2])
-    rest = height_field(prism.rest)
-    for _ in range(1 if isinstance(rest, Flat) and not mirror.dents else 3):
+    height, surface = np.zeros(entry.shape[:2]), Dented(height_field(prism.rest), mirror)
+    for _ in range(1 if isinstance(surface.rest, Flat) and not mirror.dents else 3):
         way = (height - entry[..., 2]) / inside[..., 2]
         point = entry + way[..., None] * inside
         x, y = point[..., 0], point[..., 1]
-        height = rest.height(x, y) - mirror.depth(x, y)
-    slope = [
-        rested - pressed for rested, pressed in zip(rest.gradient(x, y), mirror.slope(x, y), strict=True)
-    ]
-    normal = np.stack([-slope[0], -slope[1], np.ones_like(x)], axis=-1)
-    normal = normal / np.linalg.norm(normal, axis=-1, keepdims=True)
-    direction = _refracted(inside, normal, prism.index, 1.0)
+        height = surface.height(x, y)
+    normal = normal_of(surface.gradient(x, y))
+    direction = through_slabs(inside, normal, prism.index, (), 1.0)[1]
     direction[~PrismGeometry(prism).on_mirror(x, y)] = np.nan
     return point, direction
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -12,11 +11,11 @@ from math import prod
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationError
+from pydantic import Field
 
 from zeromethod.errors import InputError
 from zeromethod.resources import resource
-from zeromethod.rig.refusal import first_refusal, shown
+from zeromethod.rig.refusal import shown, validated
 from zeromethod.rig.tables import Count, Positive, Table, Text
 from zeromethod.study.axes import DRAW_WORDS, RANGE_WORDS, axis_values, draw, run_seed
 from zeromethod.study.task import LIMIT_S
@@ -182,11 +181,7 @@ def parse_study(text: str, path: Path) -> Study:
         value = shown(version) if version is not None else "missing"
         raise InputError(f"{path}: schema_version: {value}: {SCHEMA_VERSION} is what this version reads")
     _flatten(data)
-    try:
-        table = StudyTable.model_validate_json(json.dumps(data, default=str), strict=True)
-    except ValidationError as error:
-        raise InputError(f"{path}: {first_refusal(error, StudyTable)}") from None
-    study = Study(path, text, table)
+    study = Study(path, text, validated(StudyTable, data, path))
     _check(study)
     return study
 

@@ -14,7 +14,7 @@ from zeromethod.light_array.devices import FULL_SCALE, Counts
 from zeromethod.light_array.rig import SIDE
 from zeromethod.light_array.session import LightSession
 from zeromethod.view.axes import centred, colour_bar, colours, labelled, picture
-from zeromethod.view.table import pair_table
+from zeromethod.view.table import event_rows, figure_rows, pair_table
 
 _ROWS = (
     ("state at the end", ("state",), "{}"),
@@ -23,11 +23,11 @@ _ROWS = (
     ("residual at the end, of full scale", ("light_residual",), "{:.5f}"),
     ("residual while pressed", ("light_residual_pressed",), "{:.5f}"),
     ("peak depth at the end (sigma)", ("depth_peak_mm", "depth_peak_sigma_mm"), "{:.5f} mm ({:#.2g})"),
-    ("peak error, worst of hold and slide", ("depth_peak_error_percent",), "{:+.3f} %"),
-    ("the same in its sigmas", ("depth_peak_error_sigmas",), "{:+.2f}"),
-    ("depth error in hold and slide", ("depth_rms_error_um",), "{:.3f} µm rms"),
+    ("peak error, worst of hold and slide", ("truth.depth_peak_error_percent",), "{:+.3f} %"),
+    ("the same in its sigmas", ("truth.depth_peak_error_sigmas",), "{:+.2f}"),
+    ("depth error in hold and slide", ("truth.depth_rms_error_um",), "{:.3f} µm rms"),
     ("depth noise untouched, 1 kHz", ("untouched_rms_um",), "{:.3f} µm rms"),
-    ("computing, readings in to levels out", ("median", "p99"), "{:.3f} ms (p99 {:.3f})"),
+    ("computing, readings in to levels out", ("loop_ms.median", "loop_ms.p99"), "{:.3f} ms (p99 {:.3f})"),
 )
 
 
@@ -37,14 +37,8 @@ _GAP_S = 0.01
 
 def light_table(figures: dict[str, Any]) -> Table:
     """Table of the figures that there are."""
-    known = figures | figures.get("truth", {}) | (figures["loop_ms"] or {})
-    rows = [
-        (label, pattern.format(*(known[key] for key in keys)))
-        for label, keys, pattern in _ROWS
-        if all(known.get(key) is not None for key in keys)
-    ]
-    rows += [("left out", f"{name}: {why}") for name, why in figures["faults"].items()]
-    return pair_table([*rows, *(("event", f"{name} x {count}") for name, count in figures["events"].items())])
+    left_out = [("left out", f"{name}: {why}") for name, why in figures["faults"].items()]
+    return pair_table([*figure_rows(figures, _ROWS), *left_out, *event_rows(figures)])
 
 
 def plot_light_run(session: LightSession, path: Path) -> None:

@@ -116,6 +116,17 @@ def titled(title: str, table: Table) -> list[RenderableType]:
     return [Text(title, style="bold"), table, Text()] if table.row_count else []
 
 
+def figure_rows(figures: Figures, rows: Iterable[tuple[str, tuple[str, ...], str]]) -> list[tuple[str, str]]:
+    """Figures that there are, in words. rows: what each is, its dotted keys, and their pattern."""
+    found = ((label, [_look_up(figures, key) for key in keys], pattern) for label, keys, pattern in rows)
+    return [(label, pattern.format(*values)) for label, values, pattern in found if None not in values]
+
+
+def event_rows(figures: Figures) -> list[tuple[str, str]]:
+    """What happened, and how often."""
+    return [("event", f"{name} x {count}") for name, count in figures["events"].items()]
+
+
 def _look_up(figures: Figures, dotted: str) -> Any:
     value: Any = figures
     for key in dotted.split("."):
@@ -213,10 +224,8 @@ def summary_table(figures: Figures) -> Table:
     if (until_s := figures["read_until_s"]) is not None:
         of = f"the run until {until_s:.2f} s"
         rows.append(("not nulled", f"from {until_s:.2f} s to the end: figures and peak are from before"))
-    for label, keys, pattern in _ROWS:
-        values = [_look_up(figures, key) for key in keys]
-        words = pattern.format(*values) if None not in values else ""
-        if words and not (label == _DEEPEST and words == rows[-1][1]):
+    for label, words in figure_rows(figures, _ROWS):
+        if not (label == _DEEPEST and words == rows[-1][1]):
             rows.append((named.get(label, label).replace("the hold", of), words))
     rows += approach_words(figures)
     rows += pointer_words(figures)
@@ -229,4 +238,4 @@ def summary_table(figures: Figures) -> Table:
         rows.append(("not calibrated", "depth is relative: zeromethod calibrate"))
     if figures["recording_trouble"]:
         rows.append(("not recorded", figures["recording_trouble"]))
-    return pair_table([*rows, *(("event", f"{name} x {count}") for name, count in figures["events"].items())])
+    return pair_table([*rows, *event_rows(figures)])

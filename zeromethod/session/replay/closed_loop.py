@@ -80,7 +80,8 @@ class ClosedLoopReplay:
             camera.scenario = self.mirror.scenario(self.name)
             loop = opened.enter_context(Loop(self.rig, camera, devices.display, devices.clock, optics=optics))
             self.gl_renderer = loop.gl_renderer
-            reader, uneven = SurfaceReader(self.rig, optics, loop.grid), UnevenRest(loop.q_rest)
+            uneven = UnevenRest(loop.q_rest, under_cloth=self.rig.under_cloth)
+            reader = SurfaceReader(self.rig, optics, loop.grid)
             nodes = Nodes(loop.rest, round(self.mirror.duration_s * self.rig.camera.rate_hz))
             recorder = self._recorder(loop.rest, opened)
             for step in loop.run(seconds=self.mirror.duration_s):

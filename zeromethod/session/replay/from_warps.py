@@ -35,7 +35,7 @@ class Reader:
         """rig: with which it is read; grid: the nodes, with their rays."""
         self._recording = recording
         self._reader = SurfaceReader(rig, Optics(rig), grid)
-        self._uneven = UnevenRest(recording.rest.q)
+        self._uneven = UnevenRest(recording.rest.q, under_cloth=rig.under_cloth)
         if recording.live:
             self._reader.follow(warm_up_warp(recording.rest))
 
