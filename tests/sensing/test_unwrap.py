@@ -3,7 +3,7 @@ import pytest
 
 from zeromethod.rig.model import Noise
 from zeromethod.sensing import Residual, ResidualSensor
-from zeromethod.sensing.known_order import BORDER_SHARE, settle_known_order
+from zeromethod.sensing.known_order import settle_known_order
 from zeromethod.sensing.unwrap import Unwrapper, _unwrap
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.validity import Flag
@@ -218,7 +218,7 @@ def test_near_the_null_what_dark_places_cut_off_is_flagged_as_by_unwrapping():
         guess = draw.normal(0, 0.2, residual.d.shape)
         guess[10:20, 10:25] = np.nan
         expected = residual.copy()
-        given = guess, guess, float(PERIOD), BORDER_SHARE, work
+        given = guess, guess, float(PERIOD), work
         _unwrap(expected.d, expected.sigma, expected.flags, *given)
         if settle_known_order(
             residual.d, residual.sigma, residual.flags, guess, float(PERIOD), work.path, work.label
