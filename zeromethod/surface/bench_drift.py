@@ -80,6 +80,9 @@ class BenchDrift:
         elif self.watch.drift.any():
             reach_mm = 0.5 * diagonal(x, y, island)
             by_slope = reach_mm * float((fit.weights * np.where(island, slope, 0.0)).sum())
+            if fit.hidden_mm == 0.0:
+                # nothing presses: drift made no more of a far field than was found
+                by_slope = min(by_slope, abs(fit.far_field_mm))
             errors.append(np.full(x.shape, by_slope))
         if self.watch.drift.any():
             errors.append(drift - float((fit.weights * drift).sum()))
