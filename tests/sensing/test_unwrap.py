@@ -108,6 +108,31 @@ def test_island_is_ambiguous_unless_guessed():
     assert (measured(guess).flags[INNER][island] == Flag.AMBIGUOUS).all()
 
 
+def test_strips_that_seams_part_are_each_brought_nearest_to_rest():
+    u = np.broadcast_to(np.arange(NODES[1], dtype=float), NODES)
+    strip = np.digitize(u, np.linspace(0, NODES[1], 6)[1:-1])
+    hole = np.abs(np.diff(strip, axis=1, append=strip[:, -1:])) > 0
+    du = 0.4 * (u - 0.5 * NODES[1])
+    flags = np.where(hole, Flag.LIGHT_LOST, 0).astype(np.uint16)
+
+    def measured(parted):
+        residual = planted(du, 0 * du)
+        residual.flags[INNER] |= flags
+        Unwrapper(GRID, diagonal=False, parted=parted).unwrap(residual)
+        return residual.flags[INNER], residual.d[INNER][..., 0]
+
+    # each strip has less of the view's border than settles an order
+    assert (measured(parted=False)[0][~hole] == Flag.AMBIGUOUS).all()
+    seen, d = measured(parted=True)
+    assert (seen[~hole] == 0).all()
+    for number in range(5):
+        one = ~hole & (strip == number)
+        periods = (d - du)[one] / PERIOD
+        assert np.ptp(periods) < 1e-6
+        assert periods[0] == pytest.approx(np.rint(periods[0]), abs=1e-6)
+        assert abs(np.median(d[one])) < PERIOD
+
+
 def test_guess_settles_a_displacement_of_the_whole_view():
     far = planted(np.full(NODES, 17.0), np.full(NODES, -33.0))
     far.d[INNER][0, 0] = 6.0  # far enough from null that the flood runs

@@ -19,9 +19,12 @@ from benchmarks.rigs import coarser
 from zeromethod import load_rig, summarise
 from zeromethod.approach import Approach, Watching
 from zeromethod.interactive.pointers import Pointers
+from zeromethod.page.run_content import residual_maps
 from zeromethod.view.axes import colour_bar
 from zeromethod.view.events_figure import draw_approaches, draw_pointers
 from zeromethod.view.figure import _draw_pressure, _section, _title, plot_run
+from zeromethod.warp.grid import PADDING
+from zeromethod.warp.validity import Flag
 
 
 @pytest.mark.parametrize("frames", [1, 8])
@@ -48,6 +51,24 @@ def test_a_run_that_never_presses_shows_what_it_read_and_calls_nothing_pressed()
     assert f"read: untouched, {last.state} ({last.time_s:.2f} s)" in titles
     assert f"residual: untouched, {last.state}" in titles
     assert not re.search("pressed|before|nulled", " ".join(titles))
+
+
+def test_maps_of_a_saw_leave_its_seams_out_and_say_why() -> None:
+    """What windows at a seam see is of two teeth: no residual, neither in the picture nor on the page."""
+    with zm.Session(coarser(load_rig("thin"), 2)) as session:
+        *_, last = session.run(frames=3)
+        axes = {axis.get_title(): axis for axis in plot_run(session).axes}
+    assert last.residual is not None
+    assert last.measured is not None
+    seam = last.measured.flags & Flag.SEAM != 0
+    on_page, said = residual_maps(last.residual, last.measured, last.number)
+    assert (seam & last.residual.valid).any()
+    assert np.isnan(on_page["length"][seam]).all()
+    assert said["seams"]
+    for name in (f"residual: untouched, {last.state}", "measured warp, along LCD columns"):
+        drawn = axes[f"{name}\nseams between teeth: masked"].collections[0].get_array()
+        assert drawn is not None
+        assert np.ma.getmaskarray(np.ma.masked_invalid(drawn))[seam[PADDING:-PADDING, PADDING:-PADDING]].all()
 
 
 def test_a_run_that_ends_under_a_press_shows_that_press() -> None:

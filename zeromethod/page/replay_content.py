@@ -229,7 +229,7 @@ class ReplayContent:
             meta["camera"] = {"step": step, "time_s": values["time_s"], "bits": recording.rig.camera.bits}
         residual = recording.residual(step) if "residual" in parts else None
         if residual is not None:
-            arrays["residual"], meta["residual"] = residual_maps(residual, step)
+            arrays["residual"], meta["residual"] = residual_maps(residual, recording.measured(step), step)
             meta["residual"]["lattice"] = self._lattice
         q = recording.commanded(step) if "lcd" in parts else None
         if q is not None:

@@ -15,6 +15,8 @@ from zeromethod.page.message import Content, unix_ms
 from zeromethod.sensing.residual import Residual
 from zeromethod.surface import Surface
 from zeromethod.warp.grid import NodeGrid
+from zeromethod.warp.validity import Flag
+from zeromethod.warp.warp import Warp
 
 NOT_READ, MEASURED, CUT_OFF, CARRIED_IN, DARK = range(5)
 """Kinds of node: without depth; measured; tied to the others over a gap only; inside a contact, not measured;
@@ -48,7 +50,9 @@ class RunContent:
                 arrays["camera"] = {"image": step.image}
                 meta["camera"] = {"step": step.number, "time_s": step.time_s, "bits": self.bits}
             if "residual" in parts and step.residual is not None:
-                arrays["residual"], meta["residual"] = residual_maps(step.residual, step.number)
+                arrays["residual"], meta["residual"] = residual_maps(
+                    step.residual, step.measured, step.number
+                )
                 meta["residual"]["lattice"] = self.lattice
             if "lcd" in parts:
                 arrays["lcd"] = {"q": np.ascontiguousarray(step.commanded.q, np.float32)}
@@ -80,10 +84,14 @@ def lattice_of(grid: NodeGrid) -> dict[str, Any]:
     }
 
 
-def residual_maps(residual: Residual, step: int) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Length of the residual per node, camera px."""
+def residual_maps(
+    residual: Residual, measured: Warp | None, step: int
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Length of the residual per node, camera px; NaN where nothing is read, and at a saw's seams."""
     length = np.hypot(residual.d[..., 0], residual.d[..., 1]).astype(np.float32)
-    return {"length": np.where(residual.flags == 0, length, np.nan)}, {"step": step}
+    seam = np.zeros(length.shape, np.bool_) if measured is None else measured.flags & Flag.SEAM != 0
+    said = {"step": step} | ({"seams": True} if seam.any() else {})
+    return {"length": np.where(residual.valid & ~seam, length, np.nan)}, said
 
 
 def surface_maps(surface: Surface) -> tuple[dict[str, Any], dict[str, Any]]:

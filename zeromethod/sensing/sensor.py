@@ -77,6 +77,7 @@ class ResidualSensor:
         light: Light | None = None,
         limits: Limits | None = None,
         covered: Mask | None = None,
+        parted: bool = False,
     ) -> None:
         if kind not in {"cosines", "checker", "lattice", "noise"}:
             raise InputError(f"target.kind: {kind!r}: one of cosines, checker, lattice, noise")
@@ -100,7 +101,7 @@ class ResidualSensor:
                 diagonal=kind == "checker",
                 origin_rad=carrier_origin(kind, grid.period_px, light),
             )
-            self._unwrapper = Unwrapper(grid, diagonal=kind == "checker")
+            self._unwrapper = Unwrapper(grid, diagonal=kind == "checker", parted=parted)
         self._noise, self._black, self._ceiling = noise, noise.black_grey, ceiling
         self._levelled: Single | None = None
         self._covered = np.flatnonzero(covered) if covered is not None else np.zeros(0, np.intp)
@@ -117,7 +118,16 @@ class ResidualSensor:
         cls, rig: Rig, grid: NodeGrid, light: Light | None = None, covered: Mask | None = None
     ) -> ResidualSensor:
         """Sensor for a rig's camera and target."""
-        return cls(grid, rig.target.kind, rig.camera.noise, rig.camera.bits, light=light, covered=covered)
+        parted = rig.prism.teeth is not None
+        return cls(
+            grid,
+            rig.target.kind,
+            rig.camera.noise,
+            rig.camera.bits,
+            light=light,
+            covered=covered,
+            parted=parted,
+        )
 
     def set_reference(self, residual: Residual | None) -> None:
         """Set the brightness at rest, against which LIGHT_LOST is judged, from a residual; None forgets it.

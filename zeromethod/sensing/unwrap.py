@@ -33,7 +33,10 @@ Jumps = NDArray[np.int8]
 
 
 class _Work(NamedTuple):
-    """Work space: jumps and costs of edges; label, order and border of nodes; the flood's queue and path."""
+    """Work space: jumps and costs of edges; label, order and border of nodes; the flood's queue and path.
+
+    border_share: least share of the border's nodes by which a region's order is settled.
+    """
 
     jumps: Jumps
     costs: Bytes
@@ -44,15 +47,18 @@ class _Work(NamedTuple):
     after: Ints
     path: Ints
     votes: Ints
+    border_share: float
 
 
 class Unwrapper:
-    """Unwrapping on one grid. diagonal: the residual comes as displacements along u + v and u - v."""
+    """Unwrapping on one grid. diagonal: the residual comes as displacements along u + v and u - v.
 
-    def __init__(self, grid: NodeGrid, *, diagonal: bool) -> None:
+    parted: what seams cut off is brought nearest to rest; its order is settled later (`loop.across_seams`).
+    """
+
+    def __init__(self, grid: NodeGrid, *, diagonal: bool, parted: bool = False) -> None:
         rows, cols = (n - 2 * PADDING for n in grid.shape)
-        self._period = float(grid.period_px)
-        self._diagonal = diagonal
+        self._period, self._diagonal = float(grid.period_px), diagonal
         self._work = _Work(
             jumps=np.zeros((2, rows, cols, 2), np.int8),
             costs=np.full((2, rows, cols), BLOCKED, np.uint8),
@@ -63,6 +69,7 @@ class Unwrapper:
             after=np.zeros(4 * rows * cols, np.int32),
             path=np.zeros(rows * cols, np.int32),
             votes=np.zeros((2, 2 * MOST_ORDERS + 1), np.int32),
+            border_share=0.0 if parted else BORDER_SHARE,
         )
         self._no_guess = np.zeros((0, 0, 2))
 
@@ -217,9 +224,7 @@ def _flood(seed: int, mark: int, work: _Work) -> int:
     """
     jumps, costs, label, order = work.jumps, work.costs, work.label, work.order
     head, after, path = work.head, work.after, work.path
-    cols = label.shape[1]
-    lowest, count = BLOCKED, 0
-    node = seed
+    cols, node, lowest, count = label.shape[1], seed, BLOCKED, 0
     r, c = node // cols, node % cols
     order[r, c, 0], order[r, c, 1] = 0, 0
     while True:
@@ -274,9 +279,8 @@ def _region_order(
     Nodes with a guess count, and agree when they then lie within a quarter period of it. Without any guess
     (of size 0) those at the border count, and are brought nearest to zero.
     """
-    order, votes, guessed = work.order, work.votes, guess.size > 0
+    order, votes, guessed, nodes = work.order, work.votes, guess.size > 0, 0
     votes[:] = 0
-    nodes = 0
     for node in region:
         r, c = node // order.shape[1], node % order.shape[1]
         a, b = r + PADDING, c + PADDING
@@ -318,9 +322,7 @@ def _unwrap(
     _rate_edges(d, sigma, flags, continued, period, jumps, costs)
     _drop_residues(flags, jumps, costs)
     border_nodes = _mark_border(flags, work.border, work.path)
-    label[:] = 0
-    order[:] = 0
-    mark = 0
+    label[:], order[:], mark = 0, 0, 0
     for seed in range(rows * cols):
         r, c = seed // cols, seed % cols
         if label[r, c] != 0 or flags[r + PADDING, c + PADDING] != 0:
@@ -332,7 +334,7 @@ def _unwrap(
         if guess.size > 0:
             determined, nu, nv = _region_order(d, guess, period, work, 0.0, region)
         if not determined:
-            least = BORDER_SHARE * border_nodes
+            least = work.border_share * border_nodes
             determined, nu, nv = _region_order(d, np.zeros((0, 0, 2)), period, work, least, region)
         for node in region:
             y, x = node // cols, node % cols

@@ -74,15 +74,15 @@ class Anchors:
             self._border = Border(read.island, self._gradient, self._correlation)
         return Quiet(self._border, read.slope, read.variance, ratio, self.scale, x, y).fit(contained_mm, most)
 
-    def far_field(self, nodes: RestFit, read: Pass) -> FarField:
-        """Far field of a surface with these quiet nodes."""
+    def far_field(self, nodes: RestFit, read: Pass, several: bool) -> FarField:
+        """Far field of a surface with these quiet nodes. several: as of `fit_far_field`."""
         x, y = read.point[..., 0], read.point[..., 1]
         if self._body_of is not None:
             self._body, self._body_of = self._body_of(), None
         # a mirror that is rough itself follows no law more closely
         variance = roughness(read.slope, read.variance, self._correlation, read.island) * read.variance
         fields = (read.slope, variance, read.depth, self.scale, self._gradient, x, y, read.island)
-        return fit_far_field(*fields, nodes.weights, nodes.sigma_mm, nodes.hidden_mm, self._body)
+        return fit_far_field(*fields, nodes.weights, nodes.sigma_mm, nodes.hidden_mm, self._body, several)
 
     def weak_far_field(self, nodes: RestFit, read: Pass, contained_mm: float) -> tuple[float, float]:
         """Far field of what noise hides, and its sigma, mm, where no slopes are more than noise."""
@@ -95,9 +95,12 @@ class Anchors:
 class Anchoring:
     """The anchor of one reading; `fit` once it is chosen, `fixed` once no pass changes it any more."""
 
-    def __init__(self, anchors: Anchors, weights: Float | None) -> None:
-        """weights: of nodes whose mean depth / h is kept until the anchor is chosen; None: chosen at once."""
-        self._anchors, self._weights = anchors, weights
+    def __init__(self, anchors: Anchors, weights: Float | None, several: bool) -> None:
+        """weights: of nodes whose mean depth / h is kept until the anchor is chosen; None: chosen at once.
+
+        several: as of `fit_far_field`.
+        """
+        self._anchors, self._weights, self._several = anchors, weights, several
         self._fits = 0
         self._chosen: RestFit | None = None
         self.fit: RestFit | None = None
@@ -121,7 +124,7 @@ class Anchoring:
             chosen = self._chosen
         self._weights, fit = chosen.weights, chosen
         if chosen.hidden_mm > 0.0:
-            found = self._anchors.far_field(chosen, read)
+            found = self._anchors.far_field(chosen, read, self._several)
             fit = replace(chosen, far_field_mm=at_mm - found.constant_mm, sigma_mm=found.sigma_mm)
         elif chosen.mode == "quiet":
             far_mm, sigma_mm = self._anchors.weak_far_field(chosen, read, at_mm)

@@ -102,12 +102,13 @@ def fit_far_field(
     bound_mm: float,
     hidden_mm: float,
     of_body: BodyOnNodes | None = None,
+    several: bool = True,
 ) -> FarField:
     """C and its sigma by the laws of the module, as far as they fit.
 
     slope, variance, scale_gradient: (rows, cols, 2), rad, rad^2, 1/mm; depth_mm, scale, x_mm, y_mm: (rows,
     cols). weights: the anchor's, (rows, cols). bound_mm: its depth if it decays as 1 / r and C is 0, and
-    hidden_mm: what of it noise can hide.
+    hidden_mm: what of it noise can hide. several: whether several dents are tried, too.
     """
     anchor = weights > 0.0
     lattice = slope, variance, scale_gradient, depth_mm, scale, x_mm, y_mm
@@ -123,8 +124,11 @@ def fit_far_field(
         return FarField(0.0, _NO_LAW * max(bound_mm, hidden_mm))
     known = Known((_BOTTOM - np.abs(pressed) / range_mm) ** 2, share, rest_mm, of_body.body)
     diagonal_mm = diagonal(x_mm, y_mm, island)
-    start = _start(nodes, pressed, rest_mm, diagonal_mm)
-    return FarField(*posterior(nodes, still, known, start, range_mm, diagonal_mm))
+    # less the anchor's depth, and with it: where the scale differs much, that is another dent
+    starts = np.stack(
+        [_start(nodes, *less, diagonal_mm) for less in ((pressed, rest_mm), (nodes.depth, 0.0))]
+    )
+    return FarField(*posterior(nodes, still, known, starts, range_mm, diagonal_mm, several))
 
 
 def _start(nodes: Nodes, pressed: Float, rest_mm: float, diagonal_mm: float) -> Float:

@@ -40,6 +40,9 @@ from zeromethod.surface.weak_dents import further_far_field
 _UNFIT = 0.15
 """Error of a law from which a fit may have ended in a wrong place."""
 
+_CLEARLY = 0.5
+"""What a start leaves over what another one does, from which it is clearly better."""
+
 _MOVED_COST = 9.0
 """Logarithm of likelihood that a tilted mirror must gain: in one frame of 10,000 a bench has moved."""
 
@@ -68,13 +71,21 @@ own, and one on a mirror that is tilted."""
 
 @numba.njit(cache=True, error_model="numpy")
 def posterior(
-    nodes: Nodes, quiet: Nodes, known: Known, start: Float, range_mm: float, diagonal_mm: float
+    nodes: Nodes,
+    quiet: Nodes,
+    known: Known,
+    starts: Float,
+    range_mm: float,
+    diagonal_mm: float,
+    several: bool,
 ) -> tuple[float, float]:
     """Mean and standard deviation of C, mm.
 
-    start: numbers (7,) of a dent to start from. range_mm: of depth read; diagonal_mm: of the view.
+    starts: numbers (2, 7) of dents to start from, the second where it is clearly better. range_mm: of depth
+    read; diagonal_mm: of the view. several: whether several dents are tried.
     """
     limits, members = _limits(nodes, range_mm, diagonal_mm), np.full((_MEMBERS, COLUMNS), np.inf)
+    start = _start(starts, nodes, quiet, known)
     of_load = 1 if known.body.most_law == POINT else 4
     one, best = _begun(start, nodes, quiet, known, limits, members[2], members[of_load]), 0
     alone = one.copy()
@@ -93,7 +104,7 @@ def posterior(
             fit(same, SET_LAWS, PASSES, nodes, quiet, known, limits, members[best, UNLIKELY], member)
             if member[UNLIKELY] < members[best, UNLIKELY]:
                 best, alone[:] = first + k, same
-        if members[best, WRONG] < _UNFIT:
+        if members[best, WRONG] < (_UNFIT if several else SURE):
             break
         one[:] = best_one(all_slopes(nodes, quiet, known, limits, diagonal_mm))[1]
     found = alone
@@ -101,7 +112,7 @@ def posterior(
         ball = _fit_ball(alone, nodes, quiet, known, limits, members[best], members[_BALL:_TWO])
         best = int(np.argmin(members[:, UNLIKELY]))
         found = ball if best >= _BALL else alone
-    if members[best, EXCESS] > EXPLAINED:
+    if several and members[best, EXCESS] > EXPLAINED:
         two = fit_two(alone, nodes, quiet, known, limits, diagonal_mm, members[best], members[_TWO:_OWN])
         best = int(np.argmin(members[:, UNLIKELY]))
         if (best >= _TWO or members[best, EXCESS] > EXPLAINED) and members[best, WRONG] > _UNLIKE:
@@ -115,6 +126,17 @@ def posterior(
     shared = 2.0 * known.weight.sum() / pieces(members[best, NOISE])
     deeper, open_mm = further_far_field(left.left, left.variance, shared, nodes, quiet, known)
     return mean - deeper, np.hypot(sigma, open_mm)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _start(starts: Float, nodes: Nodes, quiet: Nodes, known: Known) -> Float:
+    """The first of two dents, unless the other one explains the slopes clearly better; as Gaussians."""
+    none, off = np.ones((2, len(nodes.x))), np.empty(2)
+    for k in range(2):
+        dent = with_law(starts[k], 0.0)
+        off[k] = equations(dent, SET_LAWS, nodes, quiet, known, MOST_WRONG2, none).misfit
+    better: Float = starts[1] if off[1] < _CLEARLY * off[0] else starts[0]
+    return better
 
 
 @numba.njit(cache=True, error_model="numpy")

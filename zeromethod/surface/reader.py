@@ -193,7 +193,7 @@ class SurfaceReader:
             self._drift.look(warp)
         start = None if previous is None else self._start(warp.time_ns, previous)
         inner, measured, seam, depth = self._grid.inner, warp, None, np.zeros(self._usable.shape)
-        for _ in range(1 if self._seams is None else PASSES):
+        for last in [True] if self._seams is None else PASSES:
             if self._seams is not None:
                 warp = (seam := self._seams.carried(measured, depth)).warp
             sigma_q, usable = warp.sigma[inner].copy(), np.empty_like(self._usable)
@@ -204,8 +204,8 @@ class SurfaceReader:
             at_rest_where_unknown(bending, self._rest_bending)
             spread = self._lever.spread(bending, sigma_q)
             variance = self._lever.variance(spread)
-            reading = self._settling.settle(q, variance, usable, start)
-            depth = reading.depth
+            reading = self._settling.settle(q, variance, usable, start, last)
+            start = Start(np.where(self._integrator.island, depth := reading.depth, np.nan), None)
         variance = self._lever.variance(spread, reading.depth, reading.slope)
         factor = partial(self._lever.factor, bending, sigma_q, reading.depth, reading.slope)
         noise = SlopeNoise(factor, variance, *self._overlap)

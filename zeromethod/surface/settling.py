@@ -30,10 +30,13 @@ _LEAST_LEFT, _MOST_LEFT = 0.02, 0.05
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """Depth (rows, cols), mm, to start from, NaN where unknown; nodes at which it is about as deep as now."""
+    """Depth (rows, cols), mm, to start from, NaN where unknown; nodes at which it is about as deep as now.
+
+    nodes: None where the anchor is chosen by this depth, at once.
+    """
 
     depth: Float
-    nodes: Mask
+    nodes: Mask | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,16 +60,19 @@ class Settling:
     def __init__(self, rays: MirrorRays, integrator: SlopeIntegrator, anchors: Anchors) -> None:
         self._rays, self._integrator, self._anchors = rays, integrator, anchors
 
-    def settle(self, q: Float, variance: Float, usable: Mask, start: Start | None) -> Reading:
+    def settle(
+        self, q: Float, variance: Float, usable: Mask, start: Start | None, last: bool = True
+    ) -> Reading:
         """Depth of the largest island of usable nodes (rows, cols).
 
         q: (rows, cols, 2) LCD px, NaN off the usable nodes. variance: (rows, cols, 2) rad^2 of slope. start:
-        a depth shortly before; None for the mirror at rest.
+        a depth shortly before; None for the mirror at rest. last: False where slopes are carried across seams
+        by what is read, and are off until then: several dents would explain that, so one is fitted.
         """
         integrator, scale = self._integrator, self._anchors.scale
         island = integrator.prepare(usable, variance)
         depth, weights = _begin(start, island)
-        anchoring = Anchoring(self._anchors, weights)
+        anchoring = Anchoring(self._anchors, weights, last)
         looks, moved_mm, left_mm, curved_mm = 0, np.inf, 0.0, np.inf
         for _ in range(_MOST_PASSES):
             if curved_mm > max(left_mm, _SETTLED_MM):
@@ -93,7 +99,7 @@ class Settling:
                 by_mm = anchoring.choose(read)
                 if weights is not None and anchoring.doubtful:
                     if not anchoring.chooses_so_after(self._first_pass(q, variance, island), read):
-                        return self.settle(q, variance, usable, None)
+                        return self.settle(q, variance, usable, None, last)
                     weights = None
                 _, curved_mm = look.move(by_mm * scale * island)
                 moved_mm, left_mm = np.inf, left_mm + _MOST_LEFT * abs(by_mm)
@@ -117,9 +123,10 @@ class Settling:
 def _begin(start: Start | None, island: Mask) -> tuple[Float, Float | None]:
     """Depth to start from, and weights of the nodes whose mean it keeps until the anchor is chosen."""
     if start is not None:
-        known = start.nodes & island & np.isfinite(start.depth)
+        known = island & np.isfinite(start.depth)
+        known = known if start.nodes is None else known & start.nodes
         if known.any():
             depth = start.depth.copy()
             fill_in(depth)
-            return depth, known / np.count_nonzero(known)
+            return depth, None if start.nodes is None else known / np.count_nonzero(known)
     return np.zeros(island.shape), None

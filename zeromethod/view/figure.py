@@ -34,6 +34,7 @@ from zeromethod.view.contact_picture import draw_contact
 from zeromethod.view.events_figure import draw_approaches, draw_pointers
 from zeromethod.view.table import force_words
 from zeromethod.warp.grid import NodeGrid
+from zeromethod.warp.validity import Flag
 
 CROP_PX = (480, 360)
 """Columns and rows of the camera image that are shown, round the press: the pattern stays visible."""
@@ -183,18 +184,20 @@ def _read_maps(axes: list[Axes], result: RunResult, read: Step) -> None:
     assert shown is not None
     assert measured is not None
     applied_px, measured_px = shown.q - result.rest.q, measured.q - result.rest.q
-    # at a seam of thin rubber slope is carried across, and nothing is seen
-    residual_px = np.where(residual.valid, np.linalg.norm(residual.d, axis=-1), np.nan)
+    # what a window at a seam of thin rubber sees is of two teeth
+    seam = measured.flags & Flag.SEAM != 0
+    residual_px = np.where(residual.valid & ~seam, np.linalg.norm(residual.d, axis=-1), np.nan)
+    masked, across = ("\nseams between teeth: masked", "\ncarried across seams") if seam.any() else ("", "")
     true_mm = None
     if result.true_mirror is not None:
         mirror = result.true_mirror(read.time_ns)
         true_mm = mirror.depth(surface.x_mm, surface.y_mm)
-    draw_map(axes[0], surface, residual_px, f"residual: {_named(read)}", "camera px", signed=False)
+    draw_map(axes[0], surface, residual_px, f"residual: {_named(read)}{masked}", "camera px", signed=False)
     draw_map(axes[1], surface, applied_px[..., 0], "applied warp, along LCD columns", "LCD px")
-    draw_map(axes[2], surface, measured_px[..., 0], "measured warp, along LCD columns", "LCD px")
-    draw_map(axes[3], surface, 1e3 * surface.slope[..., 0], "slope dd/dx", "mrad")
-    draw_map(axes[4], surface, 1e3 * surface.slope[..., 1], "slope dd/dy", "mrad")
-    draw_map(axes[5], surface, surface.depth_mm, "depth (into the rubber = positive)", "mm")
+    draw_map(axes[2], surface, measured_px[..., 0], f"measured warp, along LCD columns{masked}", "LCD px")
+    draw_map(axes[3], surface, 1e3 * surface.slope[..., 0], f"slope dd/dx{across}", "mrad")
+    draw_map(axes[4], surface, 1e3 * surface.slope[..., 1], f"slope dd/dy{across}", "mrad")
+    draw_map(axes[5], surface, surface.depth_mm, f"depth (into the rubber = positive){across}", "mm")
     draw_outlines(axes[5], read.contacts)
     if true_mm is None:
         draw_map(axes[6], surface, 1e6 * surface.sigma_depth_mm, "depth sigma", "nm", signed=False)

@@ -278,7 +278,9 @@ export class ResidualPanel {
     this.paint();
   }
   paint() {
-    if (this.map && !$("residual-tab").hidden) this.view.paint(false);
+    const hidden = $("residual-tab").hidden;
+    $("small-note").textContent = this.map?.seams && !hidden ? "empty stripes: seams between teeth" : "";
+    if (this.map && !hidden) this.view.paint(false);
     else if (!this.map) ink("--soft");
   }
 }
