@@ -140,6 +140,9 @@ def test_a_recording_repeats_bit_for_bit_and_says_so_where_it_does_not(tmp_path)
     figures = json.loads(summary.read_text())
     assert figures["state"] == "locked"
     assert figures["frames"] > 1000
+    deepest = figures["deepest"]
+    assert abs(deepest["depth_mm"] - 0.2) < 3 * deepest["sigma_mm"]
+    assert f"{deepest['depth_mm']:.5f} mm" in ran.out
     again = run("replay", file)
     assert again.code == 0
     assert "the same, bit for bit" in again.out

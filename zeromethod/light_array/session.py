@@ -145,6 +145,9 @@ class LightSession:
             "faults": loop.faults,
             "events": dict(loop.counts),
         }
+        if self.pressed is not None and (peak := self.pressed.peak) is not None:
+            place = {"x_mm": peak.x_mm, "y_mm": peak.y_mm, "time_s": self.pressed.time_s}
+            figures["deepest"] = {"depth_mm": peak.depth_mm, "sigma_mm": peak.sigma_mm, **place}
         if len(self._untouched) > 1:
             depth = loop.reader.depth_of(np.array(self._untouched))
             figures["untouched_rms_um"] = 1e3 * float(np.sqrt(np.mean(depth**2)))

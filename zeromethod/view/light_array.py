@@ -23,6 +23,11 @@ _ROWS = (
     ("residual at the end, of full scale", ("light_residual",), "{:.5f}"),
     ("residual while pressed", ("light_residual_pressed",), "{:.5f}"),
     ("peak depth at the end (sigma)", ("depth_peak_mm", "depth_peak_sigma_mm"), "{:.5f} mm ({:#.2g})"),
+    (
+        "deepest reading (sigma), where",
+        ("deepest.depth_mm", "deepest.sigma_mm", "deepest.x_mm", "deepest.y_mm"),
+        "{:.5f} mm ({:#.2g}) at {:.1f}, {:.1f} mm",
+    ),
     ("peak error, worst of hold and slide", ("truth.depth_peak_error_percent",), "{:+.3f} %"),
     ("the same in its sigmas", ("truth.depth_peak_error_sigmas",), "{:+.2f}"),
     ("depth error in hold and slide", ("truth.depth_rms_error_um",), "{:.3f} µm rms"),
