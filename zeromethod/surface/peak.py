@@ -273,11 +273,17 @@ def _fit(surface: Surface, row: int, col: int, reach: int, degree: int) -> _Fitt
     needed = _MIN_NODES if degree == 2 else _MIN_SHARE * (2 * reach + 1) ** 2
     if np.count_nonzero(known) < needed:
         return None
-    if known.all() and known.size == (2 * reach + 1) ** 2:
+    uneven = surface.seam is not None and bool(surface.seam[rows, cols].any())
+    if not uneven and known.all() and known.size == (2 * reach + 1) ** 2:
         values = np.stack([field[rows, cols].ravel() for field in _fields(surface)], axis=-1)
         return whole_window(reach, degree) @ values, powers_of(degree)
     r, c = np.nonzero(known)
     b, a = (r + rows.start - row).astype(np.float64), (c + cols.start - col).astype(np.float64)
+    if uneven:
+        # nodes at a saw's seams are no even lattice on the mirror, and depth over their number no polynomial
+        across, down = surface.x_mm[rows, cols], surface.y_mm[rows, cols]
+        a = (across[known] - surface.x_mm[row, col]) / np.nanmedian(np.diff(across, axis=1))
+        b = (down[known] - surface.y_mm[row, col]) / np.nanmedian(np.diff(down, axis=0))
     values = np.stack([field[rows, cols][known] for field in _fields(surface)], axis=-1)
     powers = powers_of(degree)
     solution = np.linalg.lstsq(terms(a, b, powers), values, rcond=None)[0]
