@@ -35,10 +35,10 @@ FLOOR_MM, FLOOR_SHARE = 0.03, 0.0005
 """Least standard deviation of a spot's place: mm, and a share of its height."""
 SIZE_MM, SIZE_SHARE = 0.03, 0.005
 """Least standard deviation of the radius, however many spots it is the mean of: mm, and a share of it."""
-UNEVEN, EVEN_SHARE = 1.0, 0.9
-"""An object counts as coming only if this share (the second number) of its radii lie near their median:
-within the first number of deviations, each of sigma and a tenth of the median. One wrong radius of eight is
-too many, of a dozen it is not."""
+UNEVEN, EVEN_SHARE, EVEN_SHARE_CUT = 1.0, 0.75, 0.9
+"""An object counts as coming only if this share (the second number; the third if it was never seen whole) of
+its radii lie near their median: within the first number of deviations, each of sigma and a tenth of the
+median. A ball of a dozen pixels may be fitted wrong in one frame of five."""
 CUT_SHARE = 0.3
 """Standard deviation of middle and radius of an object that a view cuts, over its reach."""
 COMMON, MOST_FAVOUR = 3.0, 2.0
@@ -196,13 +196,14 @@ def _radius(bodies: list[Body], by_cut: Float) -> Float:
 
     by_cut: (n,) what the radius of a body may be off because its view cuts it, mm; 0 where it is seen whole.
     """
+    share = EVEN_SHARE
     if np.count_nonzero(by_cut == 0.0) < LEAST_SPOTS:
         # of what was never seen whole, as shadows at the border are not, all sizes have to agree
-        by_cut = np.zeros_like(by_cut)
+        by_cut, share = np.zeros_like(by_cut), EVEN_SHARE_CUT
     radii = np.array([one.radius_mm for one in bodies[-30:]])
     noises = [one.sigma_radius_mm * np.sqrt(max(one.misfit, 1.0)) for one in bodies[-30:]]
     sigmas = np.hypot(np.hypot(noises, SIZE_MM), by_cut[-30:])
     mean = float(np.average(radii, weights=sigmas**-2))
     middle = float(np.median(radii))
-    scatter = np.quantile(np.abs(radii - middle) / np.hypot(sigmas, 0.1 * middle), EVEN_SHARE)
+    scatter = np.quantile(np.abs(radii - middle) / np.hypot(sigmas, 0.1 * middle), share)
     return np.array([mean, np.hypot((sigmas**-2).sum() ** -0.5, SIZE_MM + SIZE_SHARE * mean), scatter])
