@@ -34,7 +34,7 @@ from zeromethod.session.session import Session
 LARGER = 2
 FINGERS, GROUPS = 5, 5
 """Fingers at once, and how often they come in one run."""
-FRAME_S, EXPOSED_S = 1 / 60, 0.008
+FRAME_S = 1 / 60
 FIRST_S, EVERY_S, HELD_S = 0.3, 18 * FRAME_S, 11 * FRAME_S
 X_MM, Y_MM, MOVED_MM, APART_MM = (20.0, 62.0), (-10.0, 10.0), 3.0, 13.0
 FORCES_N, RADII_MM = (0.1, 0.8), (20.0, 40.0)
@@ -128,7 +128,7 @@ def _near(events: list[PointerEvent], touch: dict[str, Any]) -> list[PointerEven
         one
         for one in events
         if one.type is PointerType.DOWN
-        and touch["down"] < 1e-9 * one.time_ns + EXPOSED_S / 2 < touch["up"] + 2 * FRAME_S
+        and touch["down"] < 1e-9 * one.time_ns < touch["up"] + 2 * FRAME_S
         and np.hypot(one.x_mm - touch["x"], one.y_mm - touch["y"]) < NEAR_MM
     ]
 

@@ -1,7 +1,6 @@
 """What a contact through a cloth needs: a force, as a picture that lags behind a finger bends like one."""
 
 import math
-from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
@@ -40,7 +39,7 @@ def test_what_has_lost_its_carriers_is_a_contact_only_where_a_force_presses(monk
     rig = load_rig("interactive")
     finder = finder_of(rig, Optics(rig), NodeGrid.of_rig(rig))
     monkeypatch.setattr(ContactFinder, "carry", lambda *given: (given[1], given[2], given[3]))
-    assert len(finder.carry(None, None, (one,), None)[2]) == int(there)
+    assert finder.carry(None, None, (one,), None)[2] == ((one,) if there else ())
 
 
 def test_a_finger_that_faded_and_presses_again_is_another_one_but_not_for_a_single_frame(monkeypatch):
@@ -48,30 +47,11 @@ def test_a_finger_that_faded_and_presses_again_is_another_one_but_not_for_a_sing
     finder = finder_of(rig, Optics(rig), NodeGrid.of_rig(rig))
     monkeypatch.setattr(ContactFinder, "carry", lambda *given: (given[1], given[2], given[3]))
     strong, weak = contact(0.1), contact(0.001)
-    # weak for one frame, then for as many as after which a pointer is up
+    # confirmed in the second frame; weak for one, then for as many as after which a pointer is up
     seen = [strong, strong, weak, strong, weak, weak, weak, strong, strong]
-    shown = []
+    ids = []
     for frame, one in enumerate(seen):
         named = finder._track.follow([one], frame)
-        shown.append(finder.carry(SimpleNamespace(time_ns=frame), None, named, None)[2])
-    assert [[each.id for each in some] for some in shown] == [[1], [1], [], [1], [], [], [], [2], [2]]
-    # it may have come while its first frame was exposed, which then shows a part of its force
-    assert shown[0][0].sigma_force_n > 0.1
-    assert shown[1][0].sigma_force_n == 0.001
-
-
-@pytest.mark.parametrize(
-    ("beside_mm", "area_mm2", "frames"),
-    [(13.0, 10.0, 1), (4.0, 10.0, 2), (13.0, 6.0, 2)],
-    ids=["alone", "a piece of the other", "small"],
-)
-def test_a_finger_is_named_in_its_first_frame_where_it_can_be_no_piece_of_another(
-    beside_mm, area_mm2, frames
-):
-    rig = load_rig("interactive")
-    track = finder_of(rig, Optics(rig), NodeGrid.of_rig(rig))._track
-    there = replace(contact(0.1), x_mm=40.0 - beside_mm)
-    came = contact(0.1, area_mm2=area_mm2)
-    track.follow([there], 0)
-    named = [len(track.follow([there, came], frame)) for frame in (1, 2)]
-    assert named.index(2) + 1 == frames
+        shown = finder.carry(SimpleNamespace(time_ns=frame), None, named, None)[2]
+        ids.append([each.id for each in shown])
+    assert ids == [[], [1], [], [1], [], [], [], [2], [2]]

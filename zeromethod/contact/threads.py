@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -25,7 +24,7 @@ from zeromethod.contact.force_fit import ForceFit
 from zeromethod.contact.moments import moments
 from zeromethod.contact.outline import first_outline
 from zeromethod.contact.polygon import perimeter, signed_area
-from zeromethod.contact.track import FORGOTTEN_FRAMES, ContactTrack
+from zeromethod.contact.track import FORGOTTEN_FRAMES
 from zeromethod.optics import Optics
 from zeromethod.rig.model import Rig
 from zeromethod.sensing.residual import Residual
@@ -45,9 +44,6 @@ _EDGE = 0.5
 _LEAST_SIGMAS, _LEAST_STRAIN = 3.0, 0.002
 """Of a force, by its sigma, and of its mean pressure over the modulus: a ball that flattens 2 mm so gently
 has a radius of 0.2 m; planted fingers were above 0.01, what a gone one leaves below 0.0005."""
-_AT_ONCE_MM2 = 8.0
-"""Area of a contact by itself that is named in its first frame; else it must be seen in a second. Nearly all
-planted fingers had more, pieces of those that came while the frame was exposed up to 6."""
 _NOTHING = Probability(0, 0, np.zeros((0, 0), np.float32))
 
 
@@ -56,7 +52,6 @@ class ThreadFinder(ContactFinder):
 
     def __init__(self, rig: Rig, optics: Optics, grid: NodeGrid) -> None:
         super().__init__(rig, optics, grid)
-        self._track = ContactTrack(_AT_ONCE_MM2)
         self._modulus_mpa = rig.rubber.youngs_modulus_mpa or 0.0
         self._unpressed: dict[int, int] = {}
 
@@ -90,7 +85,7 @@ class ThreadFinder(ContactFinder):
         Contacts in which nothing presses are left out, and are others if they press again.
         """
         surface, deepest, carried = super().carry(surface, deepest, (*contacts, *self.unnamed), fit)
-        pressing = tuple(_dated(one) for one in carried[: len(contacts)] if self._presses(one))
+        pressing = tuple(one for one in carried[: len(contacts)] if self._presses(one))
         since = {number: frames + 1 for number, frames in self._unpressed.items()}
         self._unpressed = since | dict.fromkeys((one.id for one in pressing), 0)
         for number in [k for k, frames in self._unpressed.items() if frames >= FORGOTTEN_FRAMES]:
@@ -151,13 +146,6 @@ class ThreadFinder(ContactFinder):
         nodes = (fine + 0.5) / _FINE - 0.5 + np.array(corner)
         first = np.array([self._grid.u_px[0], self._grid.v_px[0]], dtype=np.float64)
         return np.asarray(first + nodes * self._grid.spacing_px)
-
-
-def _dated(contact: Contact) -> Contact:
-    """The contact; in its first frame, which may show it for half of the time, with all of its force open."""
-    if contact.age_s > 0:
-        return contact
-    return replace(contact, sigma_force_n=math.hypot(contact.sigma_force_n, contact.force_n))
 
 
 def finder_of(rig: Rig, optics: Optics, grid: NodeGrid) -> ContactFinder:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -14,9 +13,6 @@ CONFIRMED_FRAMES = 2
 """Frames in a row in which a contact is seen before it is named."""
 FORGOTTEN_FRAMES = 2
 """Frames in a row without it after which it is lifted."""
-_ALONE = 2.5
-"""Distance to all others, in the measure of `_apart`, from which a contact is no piece of one that comes or
-lifts while the frame is exposed: of planted fingers' pieces, those that large lay within 2.2."""
 
 
 @dataclass(slots=True)
@@ -32,12 +28,10 @@ class ContactTrack:
     """Gives contacts their ids.
 
     A contact is that of the frame before whose centroid lies nearest, if it lies nearer than the larger one's
-    half size and half a mm; each is taken once, nearest pairs first. at_once_mm2: area from which one that
-    lies alone is confirmed in its first frame.
+    half size and half a mm; each is taken once, nearest pairs first.
     """
 
-    def __init__(self, at_once_mm2: float = math.inf) -> None:
-        self._at_once_mm2 = at_once_mm2
+    def __init__(self) -> None:
         self._followed: list[_Followed] = []
         self._next = 1
 
@@ -60,21 +54,12 @@ class ContactTrack:
                 self._followed.append(taken[k])
             followed = taken[k]
             followed.last, followed.seen, followed.missing = new, followed.seen + 1, 0
-        for k, new in enumerate(found):
-            followed = taken[k]
-            if followed.id == 0 and (followed.seen >= CONFIRMED_FRAMES or self._is_whole(followed)):
+            if followed.id == 0 and followed.seen >= CONFIRMED_FRAMES:
                 followed.id, self._next = self._next, self._next + 1
             if followed.id:
                 result.append(replace(new, id=followed.id, age_s=1e-9 * (time_ns - followed.since_ns)))
         self._followed = [one for one in self._followed if one.missing < (FORGOTTEN_FRAMES if one.id else 1)]
         return tuple(result)
-
-    def _is_whole(self, one: _Followed) -> bool:
-        """Whether a contact is too large and too far from all others to be a piece of one."""
-        large = one.last.area_mm2 >= self._at_once_mm2
-        return large and all(
-            _apart(one.last, other.last) > _ALONE for other in self._followed if other is not one
-        )
 
     def renew(self, contact_id: int, time_ns: int) -> None:
         """Give a contact that was said to be lifted, but is still seen, a new id and age."""
