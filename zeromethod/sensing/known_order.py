@@ -17,6 +17,7 @@ from zeromethod.warp.grid import PADDING
 from zeromethod.warp.validity import Flag
 
 AMBIGUOUS = int(Flag.AMBIGUOUS)
+_OUTSIDE = int(Flag.OUTSIDE)
 STEEPEST = 0.9
 """Edges steeper than this share of half a period (noise included) give no order."""
 AS_GUESSED = 0.25
@@ -28,6 +29,22 @@ FEW = 64
 """Nodes of a region that are looked through for one with a guess."""
 
 Ints = NDArray[np.int32]
+
+
+@numba.njit(cache=True)
+def is_near_null(d: Float, flags: Flags, period: float) -> bool:
+    """Whether all nodes are within a quarter period (no edge jumps) and holes too few to cut off a region."""
+    holes, limit = 0, period / 4
+    for row in range(PADDING, d.shape[0] - PADDING):
+        far = 0
+        for col in range(PADDING, d.shape[1] - PADDING):
+            good = flags[row, col] == 0
+            # nodes covered by coded strips are whole edges of the view, which cut nothing off
+            holes += not good and not (flags[row, col] & _OUTSIDE)
+            far += good and max(abs(d[row, col, 0]), abs(d[row, col, 1])) > limit
+        if far > 0 or holes > 3:
+            return False
+    return True
 
 
 @numba.njit(cache=True)

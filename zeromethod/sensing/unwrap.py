@@ -19,10 +19,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zeromethod.arrays import Bytes, Flags, Float
-from zeromethod.sensing.known_order import AMBIGUOUS, AS_GUESSED, BORDER_SHARE, STEEPEST, settle_known_order
+from zeromethod.sensing.known_order import (
+    AMBIGUOUS,
+    AS_GUESSED,
+    BORDER_SHARE,
+    STEEPEST,
+    is_near_null,
+    settle_known_order,
+)
 from zeromethod.sensing.residual import Residual
 from zeromethod.warp.grid import PADDING, NodeGrid
-from zeromethod.warp.validity import Flag
 
 MOST_ORDERS = 64
 """Largest order considered, periods."""
@@ -58,7 +64,8 @@ class Unwrapper:
 
     def __init__(self, grid: NodeGrid, *, diagonal: bool, parted: bool = False) -> None:
         rows, cols = (n - 2 * PADDING for n in grid.shape)
-        self._period, self._diagonal = float(grid.period_px), diagonal
+        self._period = float(grid.period_px)
+        self._diagonal = diagonal
         self._work = _Work(
             jumps=np.zeros((2, rows, cols, 2), np.int8),
             costs=np.full((2, rows, cols), BLOCKED, np.uint8),
@@ -79,7 +86,7 @@ class Unwrapper:
         guess: (rows, cols, 2) px expected displacement, NaN = none. continued: the same, finite where it is
         only continued from nodes around.
         """
-        if not _is_near_null(residual.d, residual.flags, self._period):
+        if not is_near_null(residual.d, residual.flags, self._period):
             expected, steps = self._to_carriers(guess), self._to_carriers(continued)
             given = residual.d, residual.sigma, residual.flags, expected
             work = self._work
@@ -95,25 +102,6 @@ class Unwrapper:
         if not self._diagonal:
             return guess
         return np.stack([guess[..., 0] + guess[..., 1], guess[..., 0] - guess[..., 1]], axis=-1)
-
-
-_OUTSIDE = int(Flag.OUTSIDE)
-
-
-@numba.njit(cache=True)
-def _is_near_null(d: Float, flags: Flags, period: float) -> bool:
-    """Whether all nodes are within a quarter period (no edge jumps) and holes too few to cut off a region."""
-    holes, limit = 0, period / 4
-    for row in range(PADDING, d.shape[0] - PADDING):
-        far = 0
-        for col in range(PADDING, d.shape[1] - PADDING):
-            good = flags[row, col] == 0
-            # nodes covered by coded strips are whole edges of the view, which cut nothing off
-            holes += not good and not (flags[row, col] & _OUTSIDE)
-            far += good and max(abs(d[row, col, 0]), abs(d[row, col, 1])) > limit
-        if far > 0 or holes > 3:
-            return False
-    return True
 
 
 @numba.njit(cache=True)
@@ -224,7 +212,9 @@ def _flood(seed: int, mark: int, work: _Work) -> int:
     """
     jumps, costs, label, order = work.jumps, work.costs, work.label, work.order
     head, after, path = work.head, work.after, work.path
-    cols, node, lowest, count = label.shape[1], seed, BLOCKED, 0
+    cols = label.shape[1]
+    lowest, count = BLOCKED, 0
+    node = seed
     r, c = node // cols, node % cols
     order[r, c, 0], order[r, c, 1] = 0, 0
     while True:
@@ -279,8 +269,9 @@ def _region_order(
     Nodes with a guess count, and agree when they then lie within a quarter period of it. Without any guess
     (of size 0) those at the border count, and are brought nearest to zero.
     """
-    order, votes, guessed, nodes = work.order, work.votes, guess.size > 0, 0
+    order, votes, guessed = work.order, work.votes, guess.size > 0
     votes[:] = 0
+    nodes = 0
     for node in region:
         r, c = node // order.shape[1], node % order.shape[1]
         a, b = r + PADDING, c + PADDING
@@ -322,7 +313,9 @@ def _unwrap(
     _rate_edges(d, sigma, flags, continued, period, jumps, costs)
     _drop_residues(flags, jumps, costs)
     border_nodes = _mark_border(flags, work.border, work.path)
-    label[:], order[:], mark = 0, 0, 0
+    label[:] = 0
+    order[:] = 0
+    mark = 0
     for seed in range(rows * cols):
         r, c = seed // cols, seed % cols
         if label[r, c] != 0 or flags[r + PADDING, c + PADDING] != 0:

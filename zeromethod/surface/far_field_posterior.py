@@ -85,7 +85,7 @@ def posterior(
     read; diagonal_mm: of the view. several: whether several dents are tried.
     """
     limits, members = _limits(nodes, range_mm, diagonal_mm), np.full((_MEMBERS, COLUMNS), np.inf)
-    start = _start(starts, nodes, quiet, known)
+    start = _better_start(starts, nodes, quiet, known)
     of_load = 1 if known.body.most_law == POINT else 4
     one, best = _begun(start, nodes, quiet, known, limits, members[2], members[of_load]), 0
     alone = one.copy()
@@ -104,6 +104,7 @@ def posterior(
             fit(same, SET_LAWS, PASSES, nodes, quiet, known, limits, members[best, UNLIKELY], member)
             if member[UNLIKELY] < members[best, UNLIKELY]:
                 best, alone[:] = first + k, same
+        # by one dent alone a constant is found only if it fits: else another start may
         if members[best, WRONG] < (_UNFIT if several else SURE):
             break
         one[:] = best_one(all_slopes(nodes, quiet, known, limits, diagonal_mm))[1]
@@ -129,7 +130,7 @@ def posterior(
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _start(starts: Float, nodes: Nodes, quiet: Nodes, known: Known) -> Float:
+def _better_start(starts: Float, nodes: Nodes, quiet: Nodes, known: Known) -> Float:
     """The first of two dents, unless the other one explains the slopes clearly better; as Gaussians."""
     none, off = np.ones((2, len(nodes.x))), np.empty(2)
     for k in range(2):

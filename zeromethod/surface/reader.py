@@ -203,9 +203,9 @@ class SurfaceReader:
             bending = jacobian(warp.q, self._grid.spacing_px, PADDING)
             at_rest_where_unknown(bending, self._rest_bending)
             spread = self._lever.spread(bending, sigma_q)
-            variance = self._lever.variance(spread)
-            reading = self._settling.settle(q, variance, usable, start, last)
-            start = Start(np.where(self._integrator.island, depth := reading.depth, np.nan), None)
+            reading = self._settling.settle(q, self._lever.variance(spread), usable, start, last)
+            depth = reading.depth
+            start = Start(np.where(self._integrator.island, depth, np.nan), None)
         variance = self._lever.variance(spread, reading.depth, reading.slope)
         factor = partial(self._lever.factor, bending, sigma_q, reading.depth, reading.slope)
         noise = SlopeNoise(factor, variance, *self._overlap)
