@@ -88,6 +88,27 @@ def test_every_method_acts_and_every_call_is_in_the_recording(tmp_path):
         assert set(recording.peaks["step"]) <= set(recording.steps["number"])
 
 
+def test_what_was_called_right_before_a_recording_stops_is_in_it(tmp_path):
+    with operated(tmp_path, "none", record=tmp_path / "run.h5") as run:
+        run.controls.call("pause")
+        run.controls.call("mark", {"note": "the last one"})
+        stopped = run.controls.call("stop_recording")
+        until(run, stopped.done)
+        again = run.controls.call("record", {"file": "more.h5"})
+        until(run, lambda: run.session.recording.running, frames=1)
+        run.controls.call("mark", {"note": "in the first step"})
+        stopped = run.controls.call("stop_recording")
+        until(run, stopped.done)
+        assert again.result() == {"file": "more.h5"}
+        assert stopped.result() == {"file": "more.h5"}
+    with open_recording(tmp_path / "run.h5") as recording:
+        assert [row["method"] for row in recording.calls] == [b"pause", b"mark"]
+        assert recording.complete
+    with open_recording(tmp_path / "more.h5") as recording:
+        assert b"record" in [row["method"] for row in recording.calls]
+        assert b"in the first step" in b"".join(row["arguments"] for row in recording.calls)
+
+
 def test_a_zero_is_done_once_it_is_taken(tmp_path):
     with operated(tmp_path, "none") as run:
         asked = run.controls.call("zero")

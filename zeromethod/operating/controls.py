@@ -80,6 +80,7 @@ class Controls:
         """Carry out what was called; to be called often in the thread that owns the run. Never waits."""
         if not self._waiting and not self._under_way:
             return
+        self._end_done()  # before what is asked for since: calls end in the order in which they take effect
         with self._lock:
             waiting = list(self._waiting)
             self._waiting.clear()
@@ -93,6 +94,9 @@ class Controls:
                 self._under_way.append((asked, answer))
             else:
                 self._end(asked, answer or {})
+        self._end_done()
+
+    def _end_done(self) -> None:
         for asked, finished in [one for one in self._under_way if one[1].done()]:
             self._under_way.remove((asked, finished))
             self._end(asked, finished.exception() or finished.result())

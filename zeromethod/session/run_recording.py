@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from concurrent.futures import Future
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -31,6 +32,7 @@ class RunRecording:
         self._recorder = recorder_of(record, rig, loop, fine)
         self._opening: Future[Recorder | None] | None = None
         self._closing: list[Future[None]] = []
+        self._last_step: threading.Event | None = None
         self._condition = Condition.ALL_KEPT
         self._first_step = 0
         self.ended: list[RecorderStatus] = []
@@ -39,12 +41,12 @@ class RunRecording:
     @property
     def running(self) -> bool:
         """Whether steps are being recorded."""
-        return self._recorder is not None
+        return self._recorder is not None and self._last_step is None
 
     @property
     def path(self) -> Path | None:
         """File that is being recorded; None for none."""
-        return None if self._recorder is None else self._recorder.path
+        return self._recorder.path if self._recorder is not None and self.running else None
 
     @property
     def words(self) -> str:
@@ -56,7 +58,7 @@ class RunRecording:
 
         The future raises InputError where the file cannot be made. `poll` takes the recorder over.
         """
-        if self._recorder is not None or self._opening is not None:
+        if self.running or self._opening is not None:
             raise InputError(f"record: {self.path or 'another file'}: is being recorded already")
         self._opening = in_thread(
             "open recording", lambda: recorder_of(record, self._rig, self._loop, self._fine)
@@ -65,7 +67,7 @@ class RunRecording:
 
     def poll(self) -> None:
         """Take over a recorder that has been made; to be called in the loop's thread, in every step."""
-        if self._opening is None or not self._opening.done():
+        if self._opening is None or not self._opening.done() or self._last_step is not None:
             return
         opening, self._opening = self._opening, None
         if opening.exception() is None:
@@ -73,11 +75,20 @@ class RunRecording:
             self._condition = Condition.ALL_KEPT
 
     def stop(self) -> Future[None]:
-        """Record no more; done once everything is in the file. Raises InputError where nothing is."""
-        recorder, self._recorder = self._recorder, None
-        if recorder is None:
+        """Record one step more, with the calls made until now; done once everything is in the file.
+
+        Raises InputError where nothing is recorded.
+        """
+        recorder = self._recorder
+        if recorder is None or not self.running:
             raise InputError("stop_recording: nothing is being recorded")
-        self._closing.append(in_thread("close recording", lambda: self._close(recorder)))
+        self._last_step = last_step = threading.Event()
+
+        def close() -> None:
+            last_step.wait()
+            self._close(recorder)
+
+        self._closing.append(in_thread("close recording", close))
         return self._closing[-1]
 
     def add_step(self, step: Step) -> None:
@@ -85,6 +96,7 @@ class RunRecording:
         if self._recorder is not None:
             self._first_step = self._first_step or step.number
             self._recorder.add_step(step)
+        self._let_go()
 
     def add_reading(self, step: Step) -> None:
         """Record what was read from a step, if the step was recorded."""
@@ -105,6 +117,7 @@ class RunRecording:
 
     def close(self) -> None:
         """Write what waits still, of all recordings."""
+        self._let_go()
         if self._opening is not None:
             if self._opening.exception() is None:
                 self.poll()
@@ -126,6 +139,12 @@ class RunRecording:
         """What went wrong, "" for nothing, and whether that was the end of a recording before its time."""
         said = [str(status) for status in self.ended if str(status)]
         return "; ".join(said), any(status.condition in LOST for status in self.ended)
+
+    def _let_go(self) -> None:
+        """Leave a recorder that is to stop to the thread that closes it."""
+        if self._last_step is not None:
+            self._last_step.set()
+            self._recorder, self._last_step = None, None
 
     def _close(self, recorder: Recorder) -> None:
         recorder.close()
