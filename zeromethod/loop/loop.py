@@ -15,7 +15,7 @@ from zeromethod.loop.adjustments import Adjustments
 from zeromethod.loop.assembly import make_circle
 from zeromethod.loop.bench_doubt import BenchDoubt
 from zeromethod.loop.burst import Read
-from zeromethod.loop.circle import FrameResult, Sensor, from_zero
+from zeromethod.loop.circle import FrameResult, from_zero
 from zeromethod.loop.display_watch import DisplayWatch
 from zeromethod.loop.drawing import HANGING_S, Drawer, Drawing
 from zeromethod.loop.events import Event, Notice, Notices
@@ -31,6 +31,7 @@ from zeromethod.loop.step import Step
 from zeromethod.loop.zero import Zero
 from zeromethod.optics import Optics
 from zeromethod.rig.model import Rig
+from zeromethod.sensing.sensor import Sensor
 
 WRONG_FRAMES_TO_END = 10
 """Consecutive frames of wrong shape or type after which the run ends."""
@@ -104,8 +105,7 @@ class Loop:
         self.bench = BenchDoubt(rig, optics, self.rest, self._zero, watches_bench)
         timeout_s, timed = rig.control.timeout_s, parts.strips is not None
         dwell = PatternDwell(1e9 / rig.camera.rate_hz, timed) if self.live or timed else None
-        slowest_s = max(timeout_s, HANGING_S)
-        pace = timed, slowest_s, self.live, rig.target.step
+        pace = timed, max(timeout_s, HANGING_S), self.live, rig.target.step
         drawing = Drawing(lambda: Drawer(rig, display, parts.rest, parts.strips), *pace)
         self.gl_renderer = drawing.gl_renderer
         """Name of what draws the pattern, as GL gives it."""
@@ -262,7 +262,7 @@ class Loop:
         if result.refusal is not None:
             events, refusal = (*events, result.refusal), Notice.refusal(result.refusal)
         trouble = self._show(result, refusal, frozen, now_ns)  # before it is judged, which takes longer
-        self._circle.settle()
+        self._circle.learn_pending()
         events += self._judged(frame, result)
         if result.coded:
             events += (Event.BURST,)
@@ -303,7 +303,7 @@ class Loop:
         return tuple(notice.event for notice in notices)
 
     def _at_rest(self, result: FrameResult) -> bool:
-        # only matters, and is only worked out, where the loop is about to be locked
+        """Whether the mirror is untouched; only asked, and worked out, where the loop is about to lock."""
         if result.measured is None or not self.status.locks_next:
             return False
         return self._zero.at_rest(self._circle.controller.estimate, result.measured)

@@ -290,7 +290,7 @@ class Session:
     def _begin(self, step: Step) -> None:
         """Take dirt off one step's warp, and begin to read it."""
         assert step.measured is not None
-        self._surfaces.begin(step.number, self._uneven.levelled(step.measured, step.state, step.zero))
+        self._surfaces.begin(step.number, self._uneven.without_dirt(step.measured, step.state, step.zero))
 
     def _read(self, step: Step) -> Step:
         """Read one step; in real time in a thread of its own."""

@@ -133,10 +133,10 @@ class ClosedLoopReplay:
 def _read(reader: SurfaceReader, uneven: UnevenRest, step: Step) -> Step:
     """The step with its reading."""
     assert step.measured is not None
-    levelled = uneven.levelled(step.measured, step.state, step.zero)
+    cleaned = uneven.without_dirt(step.measured, step.state, step.zero)
 
     def read() -> tuple[Surface, Peak]:
-        surface = reader.follow(levelled)
+        surface = reader.follow(cleaned)
         return surface, peak(surface)
 
     surface, deepest, read_ms = timed(read)
