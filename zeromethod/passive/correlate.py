@@ -10,7 +10,7 @@ from zeromethod.arrays import Float, Image, Single
 from zeromethod.errors import InputError
 from zeromethod.passive.bandwidth import WIDTHS_PX, adaptive_fit
 from zeromethod.passive.cells import GRADIENT_NOISE, XX, XY, YY, X, Y
-from zeromethod.passive.displacement import Displacement, Doubt
+from zeromethod.passive.displacement import Displacement, PointFlag
 from zeromethod.passive.matching import LIGHT_PX, Matcher
 from zeromethod.passive.moving_fit import blur
 from zeromethod.passive.repeats import Repeats, ambiguous, repeats
@@ -107,13 +107,13 @@ def correlate(
     texture = sums[..., XX] + sums[..., YY] - 2.0 * of_noise
     close = ends(texture, comparison.shown & within, spacing_px)
     sigma = np.hypot(sigma, at_ends(field, close, spacing_px)[..., None])
-    found[aside(texture, spacing_px) | weak(sigma)] |= np.uint8(Doubt.TEXTURE)
+    found[aside(texture, spacing_px) | weak(sigma)] |= np.uint8(PointFlag.TEXTURE)
     largest_px = math.inf if largest_shift_px is None else largest_shift_px
-    found[np.linalg.norm(field, axis=-1) > largest_px] |= np.uint8(Doubt.ORDER)
+    found[np.linalg.norm(field, axis=-1) > largest_px] |= np.uint8(PointFlag.ORDER)
     sound = found == 0
     others = Repeats(repeats(a), least_noise, largest_px)
     if ambiguous(matcher, comparison, field, sigma, sound, close, others, guess):
-        found[sound] |= np.uint8(Doubt.ORDER)
+        found[sound] |= np.uint8(PointFlag.ORDER)
     valid = found == 0
     return Displacement(
         u=u,

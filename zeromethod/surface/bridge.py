@@ -25,16 +25,16 @@ _SETTLED_MM = 1e-7
 
 
 @dataclass(frozen=True, slots=True)
-class Lattice:
+class ReadNodes:
     """Depth (rows, cols) in mm, slope (rows, cols, 2) and mirror points (rows, cols, 3) of all nodes."""
 
     depth: Float
     slope: Float
     point: Float
 
-    def copy(self) -> Lattice:
+    def copy(self) -> ReadNodes:
         """Copy of all arrays."""
-        return Lattice(self.depth.copy(), self.slope.copy(), self.point.copy())
+        return ReadNodes(self.depth.copy(), self.slope.copy(), self.point.copy())
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +45,7 @@ class CutOff:
     """
 
     nodes: Mask
-    read: Lattice
+    read: ReadNodes
     sigma_mm: Float
 
 
@@ -61,7 +61,13 @@ def cut_off_parts(usable: Mask, island: Mask) -> list[Mask]:
 
 
 def bridge(
-    rays: MirrorRays, q: Float, variance: Float, scale: Float, island: Mask, others: list[Mask], read: Lattice
+    rays: MirrorRays,
+    q: Float,
+    variance: Float,
+    scale: Float,
+    island: Mask,
+    others: list[Mask],
+    read: ReadNodes,
 ) -> CutOff | None:
     """Depth of the `others`, tied over their gaps to the island as read; None where no gap is narrow enough.
 
@@ -78,7 +84,7 @@ def bridge(
 
 
 def _tie(
-    rays: MirrorRays, q: Float, variance: Float, scale: Float, other: Mask, gaps: Gaps, read: Lattice
+    rays: MirrorRays, q: Float, variance: Float, scale: Float, other: Mask, gaps: Gaps, read: ReadNodes
 ) -> float | None:
     """Fill in the lattice of one part; its sigma in mm, None where nothing ties it."""
     box = ndimage.find_objects(other.astype(np.intp))[0]

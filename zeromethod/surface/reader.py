@@ -18,7 +18,7 @@ from zeromethod.rig.model import Rig, check_rig
 from zeromethod.surface.anchor import KnownReading, RestFit
 from zeromethod.surface.anchoring import Anchors, certain
 from zeromethod.surface.bench_drift import BenchDrift
-from zeromethod.surface.bridge import Lattice, bridge, cut_off_parts
+from zeromethod.surface.bridge import ReadNodes, bridge, cut_off_parts
 from zeromethod.surface.covariance import DepthCovariance
 from zeromethod.surface.depth_scale import depth_scale
 from zeromethod.surface.far_field import BodyOnNodes
@@ -298,7 +298,7 @@ class SurfaceReader:
         if fit is not None:
             typical = fit.sigma_mm * float(np.sqrt(dot(self._scale**2, island) / np.count_nonzero(island)))
             anchor = Anchor(fit.mode, self._grid.padded(fit.weights > 0.0, False), typical, fit.far_field_mm)
-        read_nodes = Lattice(reading.depth, reading.slope, reading.point)
+        read_nodes = ReadNodes(reading.depth, reading.slope, reading.point)
         contact = warp.flags & (Flag.LIGHT_LOST | Flag.OUTSIDE | Flag.NO_RAY) == Flag.LIGHT_LOST
         surface = Surface(
             **self._arrays(island, read_nodes, sigma_depth, noise.variance),
@@ -317,7 +317,7 @@ class SurfaceReader:
             self._last = _Last(surface, self._integrator.linear(x, y), noise, fit, systematic)
         return surface
 
-    def _arrays(self, nodes: Mask, read: Lattice, sigma_depth: Float, variance: Float) -> dict[str, Any]:
+    def _arrays(self, nodes: Mask, read: ReadNodes, sigma_depth: Float, variance: Float) -> dict[str, Any]:
         """Arrays of a `Surface` on the full grid, NaN off the `nodes`; variance: (rows, cols, 2) of slope."""
         return {
             **surface_arrays(
@@ -333,7 +333,7 @@ class SurfaceReader:
         """The surface with the nodes tied to it over gaps; the same one where there are none."""
         island = self._integrator.island
         others = cut_off_parts(usable, island) if island.any() else []
-        read = Lattice(reading.depth, reading.slope, reading.point)
+        read = ReadNodes(reading.depth, reading.slope, reading.point)
         found = bridge(self._rays, q, variance, self._scale, island, others, read) if others else None
         if found is None:
             return surface
