@@ -22,14 +22,20 @@ SPACING_PX = 5
 """Pixels between points; odd, so that points lie on pixel centres."""
 
 NARROWEST_PX, WIDEST_PX = 2.0, 64.0
+"""Standard deviations that may be asked for as the window."""
 LARGEST_SPACING_PX = 32
+"""Largest distance of points that may be asked for."""
 
 _MIDDLE_PX = 8.0
-_FINAL_ROUNDS = 4
-_UNSETTLED_SHARE = 0.001
+"""Window of the two rounds before each point chooses its own."""
+_FINAL_ROUNDS, _UNSETTLED_SHARE = 4, 0.001
+"""Rounds with the final windows at most; they end when no more than this share of the points still moves."""
 _GUESS_ROUNDS = 20
+"""Rounds in which another start than that of the search settles."""
 _APART_PX = 2.0
+"""Median displacement found above which rest is tried as another start."""
 _CAMERA = 2.0
+"""Grey variance over its lower quartile up to which it counts as the camera's noise; more is misfit."""
 
 
 def correlate(

@@ -17,11 +17,12 @@ from zeromethod.surface.gaps import Gaps, gaps_between
 from zeromethod.surface.integrate import SlopeIntegrator
 from zeromethod.surface.rays import MirrorRays
 
-_LEAST_NODES = 12
-_MOST_PARTS = 3
+_LEAST_NODES, _MOST_PARTS = 12, 3
+"""Nodes of the smallest part that is tied, and how many parts are: smaller ones are specks at the fold."""
 _LEAST_GAPS = 3
-_PASSES = 20
-_SETTLED_MM = 1e-7
+"""Gaps by which a part must be tied: their scatter is in its sigma."""
+_PASSES, _SETTLED_MM = 20, 1e-7
+"""Most passes of slope and depth, and the change of depth that ends them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +87,7 @@ def bridge(
 def _tie(
     rays: MirrorRays, q: Float, variance: Float, scale: Float, other: Mask, gaps: Gaps, read: ReadNodes
 ) -> float | None:
-    """Fill in the lattice of one part; its sigma in mm, None where nothing ties it."""
+    """Read one part, tied over its gaps, into `read`; returns its sigma in mm, None where nothing ties it."""
     box = ndimage.find_objects(other.astype(np.intp))[0]
     if len(gaps) < _LEAST_GAPS or min(other[box].shape) < 2:
         return None

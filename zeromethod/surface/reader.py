@@ -36,7 +36,7 @@ from zeromethod.surface.node_passes import (
 )
 from zeromethod.surface.noise import DepthNoise, SlopeNoise
 from zeromethod.surface.rays import MirrorRays
-from zeromethod.surface.seams import PASSES, Carried, Seams
+from zeromethod.surface.seams import PASSES, Carried, SlopeOverSeams
 from zeromethod.surface.settling import Reading, Settling, Start
 from zeromethod.surface.surface import Anchor, Surface, continued_points
 from zeromethod.surface.view_border import border_sigma_mm
@@ -101,7 +101,7 @@ class SurfaceReader:
         self._grid = grid
         u, v = grid.mesh()
         u, v = u[grid.inner], v[grid.inner]
-        self._seams = Seams.of(optics, grid)
+        self._seams = SlopeOverSeams.of(optics, grid)
         self._rays = MirrorRays(optics, u, v, 0.0 if self._seams is None else self._seams.shift_mm)
         island = largest_island(self._rays.hits)
         if np.count_nonzero(island) < 4:
@@ -122,7 +122,7 @@ class SurfaceReader:
         self._usable = regular
         sensitivity = np.where(regular[..., None, None], sensitivity, np.eye(2))
         if self._seams is not None:
-            self._seams.look_by(self._rays, sensitivity)
+            self._seams.set_rays(self._rays, sensitivity)
         self._rest_bending = jacobian(self._rays.rest_q, grid.spacing_px)
         self._fold_per_mm = fold_per_mm(self._rest_bending, grid.spacing_px, sensitivity, point, regular)
         self._lever = Lever(self._rays, sensitivity)
@@ -289,7 +289,7 @@ class SurfaceReader:
             fit, systematic = self._drift.systematic(fit, read, noise)
             systematic.append(border_sigma_mm(reading.slope, reading.point, island))
             by = reading.depth, self._integrator.linear(x, y), fit.weights, self._scale
-            systematic += [] if seam is None else seam.left_mm(*by)
+            systematic += [] if seam is None else seam.errors_mm(*by)
             hidden = None if warp.left is None else self._hidden.of(warp.left, noise.variance, island)
             systematic += [] if hidden is None else [hidden]
             errors = self._depth_share, reading.depth, np.stack(systematic)
