@@ -74,10 +74,7 @@ class FrameResult:
 
     @property
     def believed(self) -> Warp | None:
-        """The measured warp, but not of mixed pictures: a part of it may be right, its peak need not be.
-
-        Nor one that may be whole periods off.
-        """
+        """The measured warp, None where its peak may be wrong: of mixed pictures, or whole periods off."""
         mixed = self.refusal is Event.PICTURES_MIXED
         return None if mixed or self.order is not Order.KNOWN else self.measured
 
@@ -151,7 +148,7 @@ class Circle:
 
     @property
     def horizon_s(self) -> float:
-        """From a frame's mid-exposure to that of those that see what was made of it; NaN: not known yet."""
+        """Delay from the mid-exposure of a frame to that of those that see its picture; NaN: unknown."""
         age_s = self._horizon.age_s
         return float("nan") if age_s is None else float(age_s.mean())
 

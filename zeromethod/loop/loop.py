@@ -87,14 +87,14 @@ class Loop:
         self.q_rest = self.rest.q
         """(rows, cols, 2) warp of the untouched mirror, LCD px."""
         self.delay = parts.circle.exposures.delay
-        """What the coded strips say of the delay; None without strips."""
+        """The delay of display and camera by the coded strips; None without strips."""
         self.paused = False
         """Whether corrections are paused; see `pause`."""
         self.status, self.over = Status(), False
         self.doubt: Doubt | None = None
-        """Why readings must not be trusted, set by who knows; motion of the bench comes on top."""
+        """Why readings must not be trusted, set from outside; motion of the bench is judged apart."""
         self.coming = ""
-        """What is about to touch, in words, set by who sees it: no burst begins meanwhile."""
+        """What is about to touch, in words, set from outside; while it is set, no burst begins."""
         self.on_wait: Callable[[], None] | None = None
         """Called in the loop's thread once per step, and while one waits: for keys, buttons, windows."""
         self.ended: Step | None = None
@@ -124,7 +124,7 @@ class Loop:
 
     @property
     def horizon_s(self) -> float:
-        """From a frame's mid-exposure to that of those that see what was made of it; NaN: not known yet."""
+        """Delay from the mid-exposure of a frame to that of those that see its picture; NaN: unknown."""
         return self._circle.horizon_s
 
     @property
@@ -240,7 +240,7 @@ class Loop:
         return self._without_frame(came) if isinstance(came, Trouble) else self._with_frame(came)
 
     def _attend(self) -> None:
-        """Do what must not wait for the camera."""
+        """Attend to keys, display and garbage; called in each step, and while it waits for the camera."""
         if self._stop and self._waiting:
             raise Stopped
         if self.on_wait is not None:

@@ -15,8 +15,8 @@ from zeromethod.mechanics.body import body_of
 from zeromethod.optics import Optics
 from zeromethod.optics.bench import sensitivity_of_rays
 from zeromethod.rig.model import Rig, check_rig
-from zeromethod.surface.anchor import KnownReading, RestFit
-from zeromethod.surface.anchoring import Anchors, certain
+from zeromethod.surface.anchor import NodeReadings, RestFit
+from zeromethod.surface.anchoring import AnchorFinder, certain
 from zeromethod.surface.bench_drift import BenchDrift
 from zeromethod.surface.bridge import ReadNodes, bridge, cut_off_parts
 from zeromethod.surface.covariance import DepthCovariance
@@ -129,7 +129,7 @@ class SurfaceReader:
         self._scale, self._scale_gradient = depth_scale(self._rays, regular, slope, point)
         self._integrator = SlopeIntegrator(point[..., 0], point[..., 1], self._scale)
         correlation = overlap_correlation(grid.period_px, grid.spacing_px)
-        anchors = Anchors(
+        anchors = AnchorFinder(
             rig.surface.known_rest, self._scale, self._scale_gradient, correlation, self._body_on(rig, point)
         )
         self._settling = Settling(self._rays, self._integrator, anchors)
@@ -285,7 +285,7 @@ class SurfaceReader:
         fit, curl, systematic = reading.fit, None, list[Float]()
         if fit is not None and self._drift is not None:
             of_frame = self._noise.variance(noise, x, y, fit.weights, alone)
-            read = KnownReading(x, y, reading.depth, self._scale, of_frame, reading.slope, noise.variance)
+            read = NodeReadings(x, y, reading.depth, self._scale, of_frame, reading.slope, noise.variance)
             fit, systematic = self._drift.systematic(fit, read, noise)
             systematic.append(border_sigma_mm(reading.slope, reading.point, island))
             by = reading.depth, self._integrator.linear(x, y), fit.weights, self._scale
