@@ -68,7 +68,7 @@ def _shifted(spline: Float, u_px: float, v_px: float) -> list[Float]:
 
 @dataclass(frozen=True, slots=True)
 class SeenMark:
-    """A mark in one frame: shift (u, v) from its reference, and the shift that other light could feign, px."""
+    """A mark in one frame: shift (u, v) from its reference, and shift that other light could feign, px."""
 
     shift_px: Float
     feigned_px: float
