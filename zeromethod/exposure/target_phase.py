@@ -89,8 +89,8 @@ class TargetPhase:
     Convention: of a mirror at rest the camera sees a carrier as cos(2 pi u / P + rad), so `rad` is to be
     taken out of what was demodulated. whole: (n, 4) at n panel rows, equally spaced in scan-out order: rad of
     the two carriers, and share of their amplitude that is left, 0..1. diagonal: whether they are a checker's.
-    at_nodes: (rows, cols, 4) where each node looks on the shown warp, in the mean over the sensing window: rad,
-    and 1 / share. place: (rows, cols) the row of n there.
+    at_nodes: (rows, cols, 4) where each node looks on the shown warp, in the mean over the sensing window:
+    rad, and 1 / share. place: (rows, cols) the row of n there.
     """
 
     whole: Float
