@@ -30,6 +30,7 @@ from zeromethod.rig.model import Rig
 NOISE_LIMIT = 0.15
 """C above: noise is multiplied by 1 / (2 c) = 3.3 at most."""
 _PIXEL_PX2 = 1 / 12
+"""Variance of a camera pixel's square, px^2."""
 _SINE_6 = np.array([-1.0, 6.0, -15.0, 20.0, -15.0, 6.0, -1.0]) / 64.0
 """Weights of pixels by which cosines are multiplied by sin^6(k / 2)."""
 _SHORT_WAVES = 0.35
