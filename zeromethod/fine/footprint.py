@@ -33,6 +33,7 @@ NOISE_LIMIT = 0.15
 _FIRST_ZERO = float(jn_zeros(1, 1)[0])
 """Least r at which F is 0."""
 _PIXEL_PX2 = 1 / 12
+"""Variance of a camera pixel's square, px^2."""
 _SINE_6 = np.array([-1.0, 6.0, -15.0, 20.0, -15.0, 6.0, -1.0]) / 64.0
 """Weights of pixels by which cosines are multiplied by sin^6(k / 2)."""
 _SHORT_WAVES = 0.35

@@ -56,7 +56,7 @@ class FrameResult:
     nodes. valid_share, covered_share: those valid, and those without light, of the nodes visible at rest.
     order: whether it is known which period of the carrier is seen, is being found, or cannot be. coded: the
     frame may have seen coded pictures in places. unread: nodes that no burst has read wait for one, or one
-    is under way for them. lamp: they have more light than at rest.
+    is under way for them. lamp_image: they have more light than at rest.
     """
 
     changed: bool = False
@@ -70,7 +70,7 @@ class FrameResult:
     order: Order = Order.KNOWN
     coded: bool = False
     unread: bool = False
-    lamp: bool = False
+    lamp_image: bool = False
 
     @property
     def believed(self) -> Warp | None:
@@ -223,7 +223,7 @@ class Circle:
             order=order,
             coded=burst is not None and burst.blinding,
             unread=burst is not None and burst.unread,
-            lamp=burst is not None and burst.lamp,
+            lamp_image=burst is not None and burst.lamp_image,
         )
 
     def expect_touch(self, expected: bool) -> None:
