@@ -117,7 +117,7 @@ def tiny_press(seed: int) -> Found:
     x, y = float(rng.uniform(20.0, 62.0)), float(rng.uniform(-8.0, 8.0))
     depth_mm = 5e-6 if x >= 30.0 else 8e-6
     path = [(PRESS_S, 0.0), (PRESS_S, depth_mm)]
-    with pressed(bench_rig(seed, view=None, step=_REST_STEP), path, PAD_SIGMA_MM, (x, y)) as rig:
+    with pressed(bench_rig(seed, view=None), path, PAD_SIGMA_MM, (x, y)) as rig:
         surface = held(rig, REST_FRAMES).read(divide=False)
     return {"sigmas": pressed_sigmas(surface, x, y), "x_mm": x}
 
