@@ -78,13 +78,11 @@ class FrameResult:
         mixed = self.refusal is Event.PICTURES_MIXED
         return None if mixed or self.order is not Order.KNOWN else self.measured
 
-
-def from_zero(result: FrameResult, zero: Float | None) -> Warp | None:
-    """The warp that may be believed less a zero (rows, cols, 2), LCD px, with what was left to null."""
-    measured = result.believed
-    if measured is None or result.observation is None or result.residual is None:
-        return None
-    return measured.less(zero).with_left(result.observation.shown.q, zero, result.residual.valid)
+    def measured_from(self, zero: Float | None) -> Warp | None:
+        """The believed warp less a zero (rows, cols, 2), LCD px, with what was left to null; to be read."""
+        if self.believed is None or self.observation is None or self.residual is None:
+            return None
+        return self.believed.less(zero).with_left(self.observation.shown.q, zero, self.residual.valid)
 
 
 class Circle:
