@@ -54,19 +54,17 @@ def test_what_has_lost_its_carriers_is_a_contact_only_where_a_force_presses(monk
     assert [each.force_n for each in carried] == pytest.approx([one.force_n] * there, nan_ok=True)
 
 
-def test_a_finger_that_faded_and_presses_again_is_another_one_but_not_for_a_single_frame(monkeypatch):
-    rig = load_rig("interactive")
-    finder = finder_of(rig, Optics(rig), NodeGrid.of_rig(rig))
+def test_a_finger_whose_force_is_gone_is_lifted_at_once_but_a_light_one_does_not_flicker(finder, monkeypatch):
     monkeypatch.setattr(ContactFinder, "carry", lambda *given: (given[1], given[2], given[3]))
-    strong, weak = contact(0.1), contact(0.001)
-    # half there in the first frame, so named by the second; weak for one, then for as many as end a touch
-    seen = [strong, strong, weak, strong, weak, weak, weak, strong, strong]
+    # 10 mm^2 of a modulus of 1 MPa have to press with 0.02 N, and then with half of that
+    forces = [0.1, 0.1, 0.022, 0.018, 0.022, 0.018, 0.002, 0.002, 0.018, 0.022]
     ids = []
-    for frame, one in enumerate(seen):
-        named = finder._track.follow([one], frame)
-        shown = finder.carry(SimpleNamespace(time_ns=frame), None, named, None)[2]
+    for frame, force in enumerate(forces):
+        contacts = finder._named([contact(force)], SimpleNamespace(time_ns=frame))
+        shown = finder.carry(SimpleNamespace(time_ns=frame), None, contacts, None)[2]
         ids.append([each.id for each in shown])
-    assert ids == [[], [1], [], [1], [], [], [], [2], [2]]
+        assert finder.followed >= {each.id for each in shown}
+    assert ids == [[], [1], [1], [1], [1], [1], [], [], [], [2]]
 
 
 @pytest.fixture

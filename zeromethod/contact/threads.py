@@ -29,7 +29,7 @@ from zeromethod.contact.force_fit import ForceFit
 from zeromethod.contact.moments import moments
 from zeromethod.contact.outline import first_outline
 from zeromethod.contact.polygon import perimeter, signed_area
-from zeromethod.contact.track import FORGOTTEN_FRAMES, ContactTrack
+from zeromethod.contact.track import ContactTrack
 from zeromethod.optics import Optics
 from zeromethod.rig.model import Rig
 from zeromethod.sensing.residual import Residual
@@ -53,6 +53,8 @@ _EDGE = 0.5
 _LEAST_SIGMAS, _LEAST_STRAIN = 3.0, 0.002
 """Of a force, by its sigma, and of its mean pressure over the modulus: a ball that flattens 2 mm so gently
 has a radius of 0.2 m; planted fingers were above 0.01, what a gone one leaves below 0.0005."""
+_STILL = 0.5
+"""The least for one that pressed before, over that: nearly all that gone fingers left behind was below."""
 _NOTHING = Probability(0, 0, np.zeros((0, 0), np.float32))
 
 
@@ -64,7 +66,7 @@ class ThreadFinder(ContactFinder):
         self._track = ContactTrack(whole=lambda one: one.carrier_left < _WHOLE_SHARE, left=self._has_left)
         self._first_px = np.array([grid.u_px[0], grid.v_px[0]], dtype=np.float64)
         self._modulus_mpa = rig.rubber.youngs_modulus_mpa or 0.0
-        self._unpressed: dict[int, int] = {}
+        self._pressed: set[int] = set()
 
     def _found(
         self,
@@ -94,15 +96,14 @@ class ThreadFinder(ContactFinder):
     ) -> tuple[Surface, Peak, tuple[Contact, ...]]:
         """As `ContactFinder.carry`, with those that are not named yet, which are in `fit`, too.
 
-        Contacts in which nothing presses are left out, and are others if they press again.
+        Contacts in which nothing presses are left out, are lifted, and are others if they press again.
         """
         surface, deepest, carried = super().carry(surface, deepest, (*contacts, *self.unnamed), fit)
         pressing = tuple(_newly_come(one) for one in carried[: len(contacts)] if self._presses(one))
-        since = {number: frames + 1 for number, frames in self._unpressed.items()}
-        self._unpressed = since | dict.fromkeys((one.id for one in pressing), 0)
-        for number in [k for k, frames in self._unpressed.items() if frames >= FORGOTTEN_FRAMES]:
-            del self._unpressed[number]
+        pressed = {one.id for one in pressing}
+        for number in self._pressed & {one.id for one in contacts} - pressed:
             self._track.renew(number, surface.time_ns)
+        self._pressed = pressed | self._pressed & self.followed
         return surface, deepest, pressing
 
     def _has_left(self, contact: Contact) -> bool:
@@ -117,7 +118,7 @@ class ThreadFinder(ContactFinder):
         least = max(
             _LEAST_SIGMAS * contact.sigma_force_n, _LEAST_STRAIN * self._modulus_mpa * contact.area_mm2
         )
-        return contact.force_n > least
+        return contact.force_n > least * (_STILL if contact.id in self._pressed else 1.0)
 
     def _named(self, found: list[Contact], surface: Surface) -> tuple[Contact, ...]:
         named = super()._named(found, surface)
