@@ -77,7 +77,7 @@ def recorded(
                 if on_step is not None:
                     on_step(loop, step)
                 if step.measured is not None:
-                    surface = reader.follow(uneven.levelled(step.measured, step.state, step.zero))
+                    surface = reader.follow(uneven.without_dirt(step.measured, step.state, step.zero))
                     deepest = peak(surface)
                     recorder.add_reading(replace(step, surface=surface, peak=deepest, read_ms=0.0))
                     if on_reading is not None:

@@ -147,8 +147,10 @@ def test_rig_and_rest_are_those_of_the_run(opened):
     for number in opened.steps_with("surface"):
         warp = opened.measured(int(number))
         assert warp is not None
-        levelled = uneven.levelled(warp, opened.state_of(opened.row(int(number))), opened.zero(int(number)))
-    again, then = reader.read(levelled), opened.surface(int(number))
+        cleaned = uneven.without_dirt(
+            warp, opened.state_of(opened.row(int(number))), opened.zero(int(number))
+        )
+    again, then = reader.read(cleaned), opened.surface(int(number))
     # a reader of its own: the same but for the noise's weighting, which earlier frames settle
     np.testing.assert_allclose(again.depth_mm, then.depth_mm, atol=1e-5)
 

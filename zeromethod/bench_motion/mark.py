@@ -66,7 +66,7 @@ def _shifted(spline: Float, u_px: float, v_px: float) -> list[Float]:
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class SeenMark:
     """A mark in one frame: shift (u, v) from its reference, px, and what else than noise could feign, px."""
 
     shift_px: Float
@@ -113,7 +113,7 @@ class Mark:
         cut = image[row - half : row + half + 1, column - half : column + half + 1]
         return np.asarray(cut, np.float64)
 
-    def see(self, image: Image) -> Seen | None:
+    def see(self, image: Image) -> SeenMark | None:
         """The mark near where it was seen last; None where it is covered, or further away."""
         shift = self._shift
         for _ in range(_ROUNDS):
@@ -162,7 +162,7 @@ class Mark:
             return None
         return self.window(image, column, row).ravel()
 
-    def _fit(self, window: Float) -> tuple[Float, Seen | None]:
+    def _fit(self, window: Float) -> tuple[Float, SeenMark | None]:
         """Step from the present shift, and the mark as seen; None where it is covered."""
         found = self._solve @ window
         gain = found[2]
@@ -176,4 +176,4 @@ class Mark:
         shift = self._at + step
         if np.abs(step).max() < _NEAR_PX:
             self._shift = self._at
-        return step, Seen(shift, float(np.sqrt(beyond2 / self._steep)) / gain)
+        return step, SeenMark(shift, float(np.sqrt(beyond2 / self._steep)) / gain)

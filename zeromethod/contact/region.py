@@ -13,7 +13,7 @@ from zeromethod.contact.flat import flat_places
 from zeromethod.contact.likelihood import UNKNOWN, GreyModel, grey_model
 from zeromethod.contact.median import median
 from zeromethod.contact.parts import BRIGHTEST, MOST_FILLED, Parts, closed_over, narrow_parts
-from zeromethod.contact.pieces import pieces
+from zeromethod.contact.pieces import disc, pieces
 from zeromethod.contact.rest import RestPicture
 from zeromethod.rig.model import Rig
 from zeromethod.sensing.residual import Residual
@@ -252,8 +252,8 @@ class RegionFinder:
         """
         noise = np.sqrt(self.noise[0] + self.noise[1] * max(scattered, 0.0))
         alike = mask & (np.abs(cv2.boxFilter(grey, -1, (3, 3)) - scattered) < _ALIKE_NOISES * noise)
-        whole = cv2.morphologyEx(alike.astype(np.uint8), cv2.MORPH_OPEN, _disc(wide_px))
-        near = np.asarray(cv2.dilate(whole, _disc(_NEAR_PX)), np.uint8)
+        whole = cv2.morphologyEx(alike.astype(np.uint8), cv2.MORPH_OPEN, disc(wide_px))
+        near = np.asarray(cv2.dilate(whole, disc(_NEAR_PX)), np.uint8)
         labels, sizes = pieces(mask & (near > 0))
         if len(sizes) < 2:
             return mask
@@ -272,16 +272,12 @@ class RegionFinder:
 
 def _with_dirt(mask: Mask, dirt: Mask) -> Mask:
     """A region with the dirt that bites into it: what a line round it takes in and hangs together with it."""
-    if not (dirt & (cv2.dilate(mask.view(np.uint8), _disc(3)) > 0)).any():
+    if not (dirt & (cv2.dilate(mask.view(np.uint8), disc(3)) > 0)).any():
         return mask
     hull = np.zeros(mask.shape, np.uint8)
     cv2.fillConvexPoly(hull, cv2.convexHull(cv2.findNonZero(mask.view(np.uint8))), 1)
     _, labels = cv2.connectedComponents((mask | (dirt & (hull > 0))).view(np.uint8))
     return np.asarray(np.isin(labels, np.unique(labels[mask])))
-
-
-def _disc(side: int) -> Bytes:
-    return np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side)), np.uint8)
 
 
 def _is_shadow(region: Region, others: list[Region]) -> bool:

@@ -7,7 +7,7 @@ import numpy as np
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.optics import Optics
-from zeromethod.passive.displacement import Displacement, Doubt
+from zeromethod.passive.displacement import Displacement, PointFlag
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.interpolant import sample
 from zeromethod.warp.overlap import overlap_correlation, shared_nodes
@@ -25,7 +25,7 @@ def _readable(displacement: Displacement) -> Mask:
 
     Without these, each would take a dozen nodes away. What is not sure of them is in their sigma.
     """
-    found = displacement.doubts & ~np.uint8(Doubt.TEXTURE | Doubt.UNSETTLED)
+    found = displacement.doubts & ~np.uint8(PointFlag.TEXTURE | PointFlag.UNSETTLED)
     around = cv2.blur(displacement.valid.astype(np.float64), (5, 5), borderType=cv2.BORDER_CONSTANT)
     unsure = (found == 0) & (around > _ROUND_IT) & np.isfinite(displacement.sigma)
     return np.asarray(displacement.valid | unsure)

@@ -7,7 +7,7 @@ import numpy as np
 
 from zeromethod.arrays import Bytes, Float, Mask
 from zeromethod.passive.cells import XX, XY, YY, X, Y
-from zeromethod.passive.displacement import Doubt
+from zeromethod.passive.displacement import PointFlag
 from zeromethod.passive.matching import LIGHT_PX, CellMatches
 from zeromethod.passive.moving_fit import blur, moving_moments
 from zeromethod.surface.integrate import largest_island
@@ -184,22 +184,22 @@ def aside(texture: Float, spacing_px: float) -> Mask:
 
 
 def doubts(field: Float, sigma: Float, step: Float, shown: Mask, alike: Mask, spacing_px: float) -> Bytes:
-    """`Doubt` bits (rows, cols) of a field (rows, cols, 2) px with points spacing_px apart.
+    """`PointFlag` bits (rows, cols) of a field (rows, cols, 2) px with points spacing_px apart.
 
     sigma (rows, cols, 2) px. step (rows, cols) px: the last change of the field. shown: cells that both
     images show. alike: cells whose grey levels match.
     """
     least, most = stretch(field, spacing_px)
     found = {
-        Doubt.OUTSIDE: ~shown,
-        Doubt.MISMATCH: shown & ~alike,
-        Doubt.TEXTURE: shown & weak(sigma),
-        Doubt.UNSETTLED: shown & unsettled(sigma, step),
-        Doubt.ORDER: (least < LEAST_STRETCH) | (most > MOST_STRETCH) | _next_to_jump(field, spacing_px),
+        PointFlag.OUTSIDE: ~shown,
+        PointFlag.MISMATCH: shown & ~alike,
+        PointFlag.TEXTURE: shown & weak(sigma),
+        PointFlag.UNSETTLED: shown & unsettled(sigma, step),
+        PointFlag.ORDER: (least < LEAST_STRETCH) | (most > MOST_STRETCH) | _next_to_jump(field, spacing_px),
     }
     out = np.zeros(shown.shape, dtype=np.uint8)
     for doubt, where in found.items():
         out[where] |= np.uint8(doubt)
     sound = out == 0
-    out[sound & ~largest_island(sound)] |= np.uint8(Doubt.ORDER)
+    out[sound & ~largest_island(sound)] |= np.uint8(PointFlag.ORDER)
     return out

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from zeromethod.arrays import Bytes, Float, Mask, Single
+from zeromethod.arrays import Float, Mask, Single
 from zeromethod.contact.contact import Contact, ContactImage
 from zeromethod.contact.median import median
-from zeromethod.contact.pieces import pieces
+from zeromethod.contact.pieces import disc, pieces
 
 RIM_MM = 1.0
 """Rim of the contact that is left out: fringes of the carrier there are as dark as spots."""
@@ -123,7 +123,7 @@ def _covered(light: Single, seed: Mask, tip: float, blur_px: float) -> Single:
     grey.
     """
     reach = max(1, round(_REACH * blur_px))
-    grown = [cv2.dilate(seed.view(np.uint8), _disc(2 * k + 1)) > 0 for k in (reach, reach + _RING_PX)]
+    grown = [cv2.dilate(seed.view(np.uint8), disc(2 * k + 1)) > 0 for k in (reach, reach + _RING_PX)]
     ring = (grown[1] & ~grown[0]).astype(np.float32)
     weight = cv2.GaussianBlur(ring, (0, 0), reach)
     beside = cv2.GaussianBlur(ring * light, (0, 0), reach) / np.maximum(weight, 1e-6)
@@ -191,7 +191,3 @@ def _hull(mask: Mask) -> Mask:
     filled = np.zeros(mask.shape, np.uint8)
     cv2.fillConvexPoly(filled, cv2.convexHull(cv2.findNonZero(mask.view(np.uint8))), 1)
     return np.asarray(filled > 0)
-
-
-def _disc(side: int) -> Bytes:
-    return np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side)), np.uint8)

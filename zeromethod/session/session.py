@@ -278,7 +278,7 @@ class Session:
         return calls
 
     def _post_end(self, reading: StepReader) -> None:
-        """Whoever follows the run learns how it ended."""
+        """Publish, record and keep the step that ended the run."""
         self.result.dropped_refreshes = dropped_refreshes_of(self._devices.display)
         if self.loop.ended is not None:
             reading.post(self.loop.ended)
@@ -288,9 +288,9 @@ class Session:
             self.result.end(ended.pointers)
 
     def _begin(self, step: Step) -> None:
-        """Take dirt off one step's warp, and begin to read it."""
+        """Correct one step's warp for dirt, and begin to read it."""
         assert step.measured is not None
-        self._surfaces.begin(step.number, self._uneven.levelled(step.measured, step.state, step.zero))
+        self._surfaces.begin(step.number, self._uneven.without_dirt(step.measured, step.state, step.zero))
 
     def _read(self, step: Step) -> Step:
         """Read one step; in real time in a thread of its own."""
@@ -328,7 +328,7 @@ class Session:
 
     @cached_property
     def _filtered_reader(self) -> SurfaceReader:
-        """Apart from the one that reads, whose weights remember the warps before."""
+        """Reader of the controller's estimates; its own, as weights depend on the warps read before."""
         return SurfaceReader(self.rig, self._optics, self._grid)
 
     def _collect(self, reading: StepReader) -> Step | None:

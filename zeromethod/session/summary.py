@@ -37,13 +37,13 @@ def _versions() -> Mapping[str, str]:
     return {name: version(name) for name in _LIBRARIES}
 
 
-def lock_frames(records: list[StepFigures], phase: str = "hold") -> int | None:
-    """Frames from the start of `phase` (of the run, where there is none) to the first locked one.
+def lock_frames(records: list[StepFigures]) -> int | None:
+    """Frames from the start of the hold (of the run, where there is none) to the first locked one.
 
     Locked: residual rms below 0.05 camera px for three consecutive frames; the first of the three counts.
     None: never locked.
     """
-    inside = [record for record in records if record.phase == phase] or records
+    inside = [record for record in records if record.phase == "hold"] or records
     run_length = 0
     for index, record in enumerate(inside):
         run_length = run_length + 1 if record.residual_rms_px < LOCK_RESIDUAL_PX else 0

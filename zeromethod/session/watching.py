@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from zeromethod.approach import Approach, Watch
 from zeromethod.clock import Clock
-from zeromethod.devices.watch import watch_opener
+from zeromethod.devices.watch_camera import watch_opener
 from zeromethod.loop.loop import Loop
 from zeromethod.loop.step import Step
 from zeromethod.rig.model import Rig

@@ -70,7 +70,7 @@ def test_other_surface_settings_read_as_a_reader_with_them_does(recording):
     expected = []
     for step in recording.peaks["step"][: again.steps].tolist():
         state = recording.state_of(recording.row(step))
-        warp = uneven.levelled(recording.measured(step), state, recording.zero(step))
+        warp = uneven.without_dirt(recording.measured(step), state, recording.zero(step))
         expected.append(peak(reader.follow(warp)).depth_mm)
     assert again.replayed_mm == expected
 

@@ -42,7 +42,7 @@ class Reader:
     def read(self, step: int, warp: Warp) -> tuple[Surface, Peak]:
         """Surface and its deepest point, of the warp of a step."""
         state = self._recording.state_of(self._recording.row(step))
-        surface = self._reader.follow(self._uneven.levelled(warp, state, self._recording.zero(step)))
+        surface = self._reader.follow(self._uneven.without_dirt(warp, state, self._recording.zero(step)))
         return surface, peak(surface)
 
 
