@@ -66,7 +66,7 @@ class ThreadFinder(ContactFinder):
         self._track = ContactTrack(whole=lambda one: one.carrier_left < _WHOLE_SHARE, left=self._has_left)
         self._first_px = np.array([grid.u_px[0], grid.v_px[0]], dtype=np.float64)
         self._modulus_mpa = rig.rubber.youngs_modulus_mpa or 0.0
-        self._pressed: set[int] = set()
+        self._down: set[int] = set()
 
     def _found(
         self,
@@ -101,9 +101,9 @@ class ThreadFinder(ContactFinder):
         surface, deepest, carried = super().carry(surface, deepest, (*contacts, *self.unnamed), fit)
         pressing = tuple(_newly_come(one) for one in carried[: len(contacts)] if self._presses(one))
         pressed = {one.id for one in pressing}
-        for number in self._pressed & {one.id for one in contacts} - pressed:
+        for number in self._down & {one.id for one in contacts} - pressed:
             self._track.renew(number, surface.time_ns)
-        self._pressed = pressed | self._pressed & self.followed
+        self._down = pressed | self._down & self.followed
         return surface, deepest, pressing
 
     def _has_left(self, contact: Contact) -> bool:
@@ -118,7 +118,7 @@ class ThreadFinder(ContactFinder):
         least = max(
             _LEAST_SIGMAS * contact.sigma_force_n, _LEAST_STRAIN * self._modulus_mpa * contact.area_mm2
         )
-        return contact.force_n > least * (_STILL if contact.id in self._pressed else 1.0)
+        return contact.force_n > least * (_STILL if contact.id in self._down else 1.0)
 
     def _named(self, found: list[Contact], surface: Surface) -> tuple[Contact, ...]:
         named = super()._named(found, surface)
