@@ -22,6 +22,7 @@ _MARGIN = 3
 """Pixels at the window's border that the quintic spline needs to shift the rest; they have no weight."""
 
 _ROUNDS = 6
+"""Steps of a fit at most."""
 _NEAR_PX = 0.1
 """Shift from where the fit is linear, below which one step is exact to 0.003 px."""
 
@@ -67,7 +68,7 @@ def _shifted(spline: Float, u_px: float, v_px: float) -> list[Float]:
 
 @dataclass(frozen=True, slots=True)
 class SeenMark:
-    """A mark in one frame: shift (u, v) from its reference, px, and what else than noise could feign, px."""
+    """A mark in one frame: shift (u, v) from its reference, and shift that other light could feign, px."""
 
     shift_px: Float
     feigned_px: float

@@ -14,6 +14,7 @@ from zeromethod.rig.model import MARK_HALF_PX, Rig
 from zeromethod.warp.grid import NodeGrid
 
 _SIGMAS = 5.0
+"""Standard deviations of a mark's place from which on it has moved."""
 _LEAST_FRAMES = 4
 """Frames of one mark from which it is judged: fewer can be a hand that passes."""
 

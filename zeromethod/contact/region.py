@@ -40,6 +40,8 @@ _SHADOW_SHARE = 0.03
 """Light over the mean below which a region next to a brighter one is its shadow: a slope too steep for total
 reflection."""
 _SMOOTH_PX = 5
+"""Side of the square over which the evidence of pixels is averaged; they count as `_SMOOTH_PX` independent
+ones."""
 _ALIKE_NOISES = 2.0
 """Deviation, in those of one pixel, up to which 3 x 3 px count as of one level."""
 _WIDE_PX, _WIDE_NARROW_PX, _NEAR_PX = 5, 3, 7
@@ -47,10 +49,9 @@ _WIDE_PX, _WIDE_NARROW_PX, _NEAR_PX = 5, 3, 7
 a border blurs."""
 _LEAST_WHOLE = 0.7
 """Share of a region that its widest piece must have."""
-_LEAST_PART_PX = 10
-_LEAST_WIDE_PX = 7
-_SMOOTH_PARTS_PX = 3
-"""The same where what touches has narrow parts."""
+_LEAST_PART_PX, _LEAST_WIDE_PX, _SMOOTH_PARTS_PX = 10, 7, 3
+"""Where what touches has narrow parts: pixels of the smallest part; least width of all parts together, gaps
+closed; side of the square over which evidence is averaged."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -197,7 +197,7 @@ class Burst:
         """What the last one read, until the mirror moves."""
         self.unread = False
         """Whether nodes wait for a burst that none has read, or one is under way for them."""
-        self.lamp = False
+        self.lamp_image = False
         """Whether these have more light than at rest: a lamp's image, whose edges are no folds."""
         self.waits = False
         """Whether none may begin, and one under way ends: something is about to touch."""
@@ -279,7 +279,7 @@ class Burst:
         again = self._always or (self.read is not None and measured.time_ns > self.read.time_ns + 1e9 * OLD_S)
         # what failed for some frames only, as after a sudden press, is no reason to wait any more
         self.unread = int(np.count_nonzero(new & failing)) >= LEAST_NODES
-        self.lamp = self.unread and self._failing.brighter(residual, new & failing)
+        self.lamp_image = self.unread and self._failing.brighter(residual, new & failing)
         wanted = need if again else new
         if not self._always:
             wanted = wanted & self._failing.lasting

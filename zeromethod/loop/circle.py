@@ -56,7 +56,7 @@ class FrameResult:
     nodes. valid_share, covered_share: those valid, and those without light, of the nodes visible at rest.
     order: whether it is known which period of the carrier is seen, is being found, or cannot be. coded: the
     frame may have seen coded pictures in places. unread: nodes that no burst has read wait for one, or one
-    is under way for them. lamp: they have more light than at rest.
+    is under way for them. lamp_image: they have more light than at rest.
     """
 
     changed: bool = False
@@ -70,7 +70,7 @@ class FrameResult:
     order: Order = Order.KNOWN
     coded: bool = False
     unread: bool = False
-    lamp: bool = False
+    lamp_image: bool = False
 
     @property
     def believed(self) -> Warp | None:
@@ -78,13 +78,11 @@ class FrameResult:
         mixed = self.refusal is Event.PICTURES_MIXED
         return None if mixed or self.order is not Order.KNOWN else self.measured
 
-
-def from_zero(result: FrameResult, zero: Float | None) -> Warp | None:
-    """The warp that may be believed less a zero (rows, cols, 2), LCD px, with what was left to null."""
-    measured = result.believed
-    if measured is None or result.observation is None or result.residual is None:
-        return None
-    return measured.less(zero).with_left(result.observation.shown.q, zero, result.residual.valid)
+    def measured_from(self, zero: Float | None) -> Warp | None:
+        """The believed warp less a zero (rows, cols, 2), LCD px, with what was left to null; to be read."""
+        if self.believed is None or self.observation is None or self.residual is None:
+            return None
+        return self.believed.less(zero).with_left(self.observation.shown.q, zero, self.residual.valid)
 
 
 class Circle:
@@ -223,7 +221,7 @@ class Circle:
             order=order,
             coded=burst is not None and burst.blinding,
             unread=burst is not None and burst.unread,
-            lamp=burst is not None and burst.lamp,
+            lamp_image=burst is not None and burst.lamp_image,
         )
 
     def expect_touch(self, expected: bool) -> None:

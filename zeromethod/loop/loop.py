@@ -15,7 +15,7 @@ from zeromethod.loop.adjustments import Adjustments
 from zeromethod.loop.assembly import make_circle
 from zeromethod.loop.bench_doubt import BenchDoubt
 from zeromethod.loop.burst import Read
-from zeromethod.loop.circle import FrameResult, from_zero
+from zeromethod.loop.circle import FrameResult
 from zeromethod.loop.display_watch import DisplayWatch
 from zeromethod.loop.drawing import HANGING_S, Drawer, Drawing
 from zeromethod.loop.events import Event, Notice, Notices
@@ -287,7 +287,7 @@ class Loop:
             now_ns if verdict.wrong else frame.time_ns,
             events,
             frozen=frozen,
-            measured=from_zero(result, self._zero.q),
+            measured=result.measured_from(self._zero.q),
             loop_ms=loop_ms,
             **self._screen.timing_ms(),
             **frame_figures(frame, verdict, result),

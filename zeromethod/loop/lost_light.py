@@ -9,7 +9,7 @@ Light may also change smoothly, by a backlight that drifts or a mirror that tilt
 of nodes to both sides whose windows do not share the contact.
 
 Until the mirror was at rest, an edge of the light counts in another way, too: of dirt, or of a lamp's image
-whose displacements are known from the rest on (`session.uneven_rest`). The mean bends there from node to
+whose displacements are known from the rest on (`session.dirt`). The mean bends there from node to
 node, as `sensing.shading` says.
 """
 

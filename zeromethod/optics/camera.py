@@ -12,8 +12,8 @@ from zeromethod.rig.model import CameraSpec
 
 Distortion = tuple[float, float, float, float, float]
 
-_ITERATIONS = 50
-_TOLERANCE = 1e-14
+_ITERATIONS, _TOLERANCE = 50, 1e-14
+"""Most Newton steps, and the error, in focal lengths, that ends them: rounding."""
 
 
 def distort(x: Float, y: Float, k: Distortion) -> tuple[Float, Float]:

@@ -14,8 +14,8 @@ from zeromethod.warp.overlap import overlap_correlation, shared_nodes
 from zeromethod.warp.validity import Flag
 from zeromethod.warp.warp import Warp
 
-_ROUNDS = 60
-_SETTLED_PX = 1e-6
+_ROUNDS, _SETTLED_PX = 60, 1e-6
+"""Most steps of the fixed point, and the change that ends them."""
 _ROUND_IT = 0.8
 """Share of the 5 x 5 points around one that is badly determined which must be valid."""
 

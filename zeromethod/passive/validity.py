@@ -20,6 +20,7 @@ UNSETTLED_PX = 0.2
 """Last change of the field up to which grey levels are straight enough between the two (or `_SIGMAS`)."""
 
 _SIGMAS = 3.0
+"""Standard deviations beyond which a difference is no noise."""
 
 ASIDE = 1.3
 """Distance to the middle of the texture near a point, per width of the window: 7 px outside of an edge."""
@@ -28,12 +29,15 @@ _AREA_PX = 15.0
 """Side of the squares that have texture or have none."""
 
 _ENDS_PX = 15.0
+"""Distance from the ends of the texture within which a frame that stands still may be in the window."""
 REST_PX = 0.05
 """Displacement (or 3 sigma) up to which a point is at rest in any case: far less than a period."""
 
 _LINEAR_PX = 4.0
-"""Motion beyond which gradients do not say what it leaves of a content at rest: that looks unlike anyhow."""
+"""Motion up to which gradients predict the difference that a content at rest shows; beyond, it does not
+match."""
 _EMPTY = 0.05
+"""Squared gradients around a point, over their upper quartile, below which there is no texture."""
 
 LEAST_STRETCH, MOST_STRETCH = 0.3, 3.0
 """Local magnifications beyond these are a fold, or a jump to another period, rather than a picture."""

@@ -26,8 +26,11 @@ _REACH, _RING_PX = 2.0, 2
 """A border's blur reaches so many of its standard deviations; width of the ring beyond, in which the light
 beside a spot is measured."""
 _LEAST_PX = 5
+"""Pixels of the smallest spot; what is smaller is noise."""
 _FEWEST, _FEWEST_PX = 3, 400
+"""Least number of spots, and of pixels inside the contact's rim, for anything to be said."""
 _MARGIN_PX = 12
+"""Margin of the cropped image, so that blurs reach beyond the contact."""
 _GREY = 0.22, 0.18
 """Steep rubber beside a spot looks grey, so that its border seems further out than it is: by how much, and
 the standard deviation of that, over the standard deviation of the blur. (0 where the grey rim is wider than

@@ -27,7 +27,9 @@ _FOLLOWING = GOOD | {State.NULLING}
 """A moving press is never quite nulled; every frame that was measured counts."""
 
 _SEES_TARGET = GOOD | {State.UNCALIBRATED, State.MOVED, State.COVERED}
+"""States that no run is blamed for: it is nulled, or something covers the mirror."""
 _TAIL_S, _LEAST_TAIL_S = 5.0, 1.0
+"""End of a run without a scenario that must be nulled, and its least length in a short run."""
 
 _LIBRARIES = ("zeromethod", "numpy", "scipy", "numba", "opencv-contrib-python-headless", "moderngl")
 

@@ -19,11 +19,11 @@ from zeromethod.optics import Optics
 from zeromethod.recording.recorder import Recorder
 from zeromethod.recording.recording import Recording
 from zeromethod.rig.model import SIMULATED, Rig
+from zeromethod.session.dirt import DirtCorrection
 from zeromethod.session.reading import timed
 from zeromethod.session.replay.mirror import RecordedMirror
 from zeromethod.session.replay.track import FollowedNodes, Track, TrackPoint
 from zeromethod.session.replay.window import Pace, Window
-from zeromethod.session.uneven_rest import UnevenRest
 from zeromethod.simulation.clone import simulated_clone
 from zeromethod.surface import Peak, Surface, SurfaceReader, peak
 from zeromethod.surface.comparison import compare
@@ -80,14 +80,14 @@ class ClosedLoopReplay:
             camera.scenario = self.mirror.scenario(self.name)
             loop = opened.enter_context(Loop(self.rig, camera, devices.display, devices.clock, optics=optics))
             self.gl_renderer = loop.gl_renderer
-            uneven = UnevenRest(loop.q_rest, under_cloth=self.rig.under_cloth)
+            dirt = DirtCorrection(loop.q_rest, under_cloth=self.rig.under_cloth)
             reader = SurfaceReader(self.rig, optics, loop.grid)
             nodes = FollowedNodes(loop.rest, round(self.mirror.duration_s * self.rig.camera.rate_hz))
             recorder = self._recorder(loop.rest, opened)
             for step in loop.run(seconds=self.mirror.duration_s):
                 pace.wait_for(step.time_ns)
                 if step.measured is not None:
-                    step = _read(reader, uneven, step)  # noqa: PLW2901 - the same step, with its reading
+                    step = _read(reader, dirt, step)  # noqa: PLW2901 - the same step, with its reading
                 if recorder is not None:
                     recorder.add_step(step)
                     if step.surface is not None:
@@ -132,10 +132,10 @@ class ClosedLoopReplay:
         )
 
 
-def _read(reader: SurfaceReader, uneven: UnevenRest, step: Step) -> Step:
+def _read(reader: SurfaceReader, dirt: DirtCorrection, step: Step) -> Step:
     """The step with its reading."""
     assert step.measured is not None
-    cleaned = uneven.without_dirt(step.measured, step.state, step.zero)
+    cleaned = dirt.corrected(step.measured, step.state, step.zero)
 
     def read() -> tuple[Surface, Peak]:
         surface = reader.follow(cleaned)

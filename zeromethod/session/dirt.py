@@ -48,7 +48,7 @@ _OPEN = 0.3
 """Share of a correction that remains as its sigma: under a press the light around dirt differs."""
 
 
-class UnevenRest:
+class DirtCorrection:
     """Correction of single nodes for dirt, learned at rest. rest_q: (rows, cols, 2) LCD px of the rest map.
 
     under_cloth: whether threads move all nodes.
@@ -68,8 +68,8 @@ class UnevenRest:
         self._off: Float | None = None
         self._open: Float | None = None
 
-    def without_dirt(self, measured: Warp, state: State, zero: Float | None) -> Warp:
-        """A measured warp, from a zero, without what dirt does to it; learns from those at rest.
+    def corrected(self, measured: Warp, state: State, zero: Float | None) -> Warp:
+        """A measured warp, from a zero, without the effect of dirt; learns from warps at rest.
 
         state: of the loop in this step. zero: (rows, cols, 2) LCD px; None for the rig's.
         """
