@@ -15,7 +15,7 @@ from zeromethod.recording.checksums import canonical, checksum_of, checksums_of
 from zeromethod.recording.columns import TABLES
 from zeromethod.recording.recorder import Recorder
 from zeromethod.recording.schema import KEEP
-from zeromethod.session.uneven_rest import UnevenRest
+from zeromethod.session.dirt import DirtCorrection
 
 
 def small_rig(press: str = "step", seed: int = 0, factor: int = 4) -> Rig:
@@ -60,7 +60,7 @@ def recorded(
             reopen_camera=devices.reopen_camera,
             optics=optics,
         )
-        reader, uneven = SurfaceReader(rig, optics, loop.grid), UnevenRest(loop.q_rest)
+        reader, dirt = SurfaceReader(rig, optics, loop.grid), DirtCorrection(loop.q_rest)
         with Recorder(
             path,
             rig,
@@ -77,7 +77,7 @@ def recorded(
                 if on_step is not None:
                     on_step(loop, step)
                 if step.measured is not None:
-                    surface = reader.follow(uneven.levelled(step.measured, step.state, step.zero))
+                    surface = reader.follow(dirt.corrected(step.measured, step.state, step.zero))
                     deepest = peak(surface)
                     recorder.add_reading(replace(step, surface=surface, peak=deepest, read_ms=0.0))
                     if on_reading is not None:

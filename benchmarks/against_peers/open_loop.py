@@ -51,7 +51,6 @@ from zeromethod.arrays import Float
 from zeromethod.clock import SimulatedClock
 from zeromethod.devices.protocols import TrueMirror
 from zeromethod.errors import MeasurementError
-from zeromethod.loop.circle import Sensor
 from zeromethod.loop.loop import Loop
 from zeromethod.loop.state import NULLED
 from zeromethod.loop.step import Step
@@ -60,7 +59,7 @@ from zeromethod.pattern import Response, Target
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
 from zeromethod.sensing.residual import Residual
-from zeromethod.sensing.sensor import ResidualSensor
+from zeromethod.sensing.sensor import ResidualSensor, Sensor
 from zeromethod.simulation.camera import SimulatedCamera
 from zeromethod.simulation.display import SimulatedDisplay
 from zeromethod.simulation.path import PathPoint, PressPath

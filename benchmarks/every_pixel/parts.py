@@ -44,6 +44,8 @@ DENTS: dict[float, tuple[float, float, float]] = {
 """Sigma in mm: depth in mm, half of that of the fold; largest error as seen, and divided, percent."""
 PADS_MM = (2e-3, 1e-2, 5e-2)
 REST_FRAMES = 60
+_REST_STEP = REST_FRAMES // 2
+"""One turn of the target there and back in those frames: slow steps blur less in mixed exposures."""
 _MEAN_FRAMES = 4 * STEP
 """Frames of the long mean that are read together: of two turns there and back of the target, whose steps in
 either direction a wrong delay shifts in opposite ones."""
@@ -95,7 +97,7 @@ def half_response_mm(along_x: bool) -> float:
 
 def rest(seed: int) -> Found:
     """Depth of the whole view untouched, nm rms, and the largest press that is found in it, in sigmas."""
-    rig = bench_rig(seed, view=None).model_copy(update={"scenario": "none"})
+    rig = bench_rig(seed, view=None, step=_REST_STEP).model_copy(update={"scenario": "none"})
     surface = held(rig, REST_FRAMES).read(divide=False)
     coarse, rng = surface.coarse, np.random.default_rng(seed)
     places = np.stack([rng.uniform(20.0, 62.0, _PLACES), rng.uniform(-8.0, 8.0, _PLACES)], axis=-1)

@@ -28,7 +28,7 @@ from zeromethod.pattern.renderer import PatternRenderer
 from zeromethod.pattern.response import Response
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
-from zeromethod.session.fine import frame_of, with_moving_target
+from zeromethod.session.fine import STEP, frame_of, with_moving_target
 from zeromethod.simulation.renderer import Piece
 from zeromethod.simulation.sensor import Sensor
 from zeromethod.warp.grid import NodeGrid
@@ -132,13 +132,19 @@ class Held:
         return NodeGrid.of_rig(self.rig)
 
 
-def bench_rig(seed: int, view: tuple[int, int] | None = VIEW_PX, binning: int = 1, gain: float = 1.0) -> Rig:
-    """The packaged bench with a pupil, and a target that moves. view: columns and rows of its middle."""
+def bench_rig(
+    seed: int, view: tuple[int, int] | None = VIEW_PX, binning: int = 1, gain: float = 1.0, step: int = STEP
+) -> Rig:
+    """The packaged bench with a pupil, and a target that moves by 1 / step of a period along u.
+
+    view: columns and rows of its middle.
+    """
     rig = load_rig("simulated")
     camera: dict[str, Any] = {"pupil_mm": PUPIL_MM}
     if view is not None:
         camera |= {"columns": view[0], "rows": view[1], "centre_px": tuple((n - 1) / 2 for n in view)}
-    rig = changed(rig, camera=camera, simulation={"seed": seed}, control={"gain": gain})
+    target = {"step": step}
+    rig = changed(rig, camera=camera, target=target, simulation={"seed": seed}, control={"gain": gain})
     return with_moving_target(coarser(rig, binning) if binning > 1 else rig)
 
 

@@ -6,7 +6,7 @@ from watched import RIG
 from zeromethod.approach import Watch, Watching, WatchReader
 from zeromethod.clock import HostClock, SimulatedClock
 from zeromethod.devices.protocols import CameraTimeout
-from zeromethod.devices.watch import watch_opener
+from zeromethod.devices.watch_camera import watch_opener
 from zeromethod.errors import InputError
 
 

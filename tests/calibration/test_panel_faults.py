@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from zeromethod.calibration.panel_dithering import spatial_dithering, temporal_dithering
-from zeromethod.calibration.panel_faults import Fault, Finding, flicker, step_response, surround
+from zeromethod.calibration.panel_faults import Fault, FaultCheck, flicker, step_response, surround
 from zeromethod.errors import InputError
 
 Float = NDArray[np.float64]
@@ -19,14 +19,14 @@ STEP = 0.8
 FRAMES = 32
 
 
-def assert_named(finding: Finding, fault: Fault, advice: str) -> None:
+def assert_named(finding: FaultCheck, fault: Fault, advice: str) -> None:
     assert finding.found
     assert finding.fault is fault
     assert finding.words.startswith(f"{fault}: ")
     assert advice in finding.words
 
 
-def assert_sound(finding: Finding) -> None:
+def assert_sound(finding: FaultCheck) -> None:
     assert not finding.found
     assert finding.words.startswith(f"{finding.fault}: none above")
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from zeromethod.calibration.falloff import Falloff
-from zeromethod.calibration.panel_faults import Fault, Finding
+from zeromethod.calibration.panel_faults import Fault, FaultCheck
 from zeromethod.commissioning import light_result
 from zeromethod.commissioning.light_result import LightResult
 
@@ -16,7 +16,7 @@ DIM[3, 0] = 0.08
 
 def result(light: np.ndarray, overdrive: float) -> LightResult:
     quiet: Any = SimpleNamespace(notes=())
-    finding = Finding(Fault.OVERDRIVE, overdrive, 1e-4, "the light goes past")
+    finding = FaultCheck(Fault.OVERDRIVE, overdrive, 1e-4, "the light goes past")
     falloff = Falloff(light, light)
     none: Any = None
     return LightResult(quiet, none, none, quiet, none, falloff, (finding,), none, 0.1, ("a note",))

@@ -9,7 +9,7 @@ import pytest
 
 from zeromethod import Devices, MeasurementError, open_devices
 from zeromethod.commissioning.advice import GOOD
-from zeromethod.commissioning.setting_up import Flicker, SettingUp, Sight
+from zeromethod.commissioning.setting_up import FlickerMeter, SettingUp, Sight
 from zeromethod.devices.protocols import CameraLost, CameraTimeout, DisplayLost, Frame
 
 from .setting_up_benches import RIG, Altered, look, planted
@@ -147,10 +147,10 @@ def test_a_device_that_fails_ends_it_with_the_reason(error, words):
 
 def test_flicker_is_the_lights_swing_less_its_drift():
     greys = 4 + 100 * (1 + 0.03 * np.sin(np.arange(16) * 1.9)) + np.arange(16)
-    flicker = Flicker(black_grey=4.0)
+    flicker = FlickerMeter(black_grey=4.0)
     shares = [flicker.note(float(grey)) for grey in greys]
     assert np.isnan(shares[:7]).all()
     # a sine's rms is its amplitude over sqrt(2); 16 frames of it hold no whole number of cycles: 10 %
     assert shares[-1] == pytest.approx(0.03 / np.sqrt(2) * 100 / 107.5, rel=0.1)
-    steady = Flicker(black_grey=4.0)
+    steady = FlickerMeter(black_grey=4.0)
     assert [steady.note(100.0 + n) for n in range(16)][-1] < 1e-9

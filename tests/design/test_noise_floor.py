@@ -100,3 +100,20 @@ def test_lcd_pixels_beat_only_where_they_fold_onto_the_carrier():
     assert np.nanmax(grid_bias_px(SampledView(telecentric(camera=sharp, display=display | whole)))) < 1e-12
     aside = display | {"pitch_mm": 0.1 / 0.75}
     assert np.nanmax(grid_bias_px(SampledView(telecentric(camera=sharp, display=aside)))) < 0.02 * beating
+
+
+def test_carrier_held_over_whole_lcd_pixels_beats_as_much_as_stated():
+    """A row of LCD pixels without gaps, each of one grey, seen by square camera pixels: 0.836 LCD px each."""
+    period, ratio, fine = 12, 0.836, 50
+    pixel = np.repeat(np.arange(4000.0), fine)
+    light = 1 + 0.9 * np.cos(2 * np.pi * pixel / (period * ratio))
+    edges = np.arange(3000)[:, None] * ratio + ratio * np.array([-0.5, 0.5]) + 500
+    summed = np.interp(edges, np.arange(pixel.size + 1) / fine, np.concatenate([[0], np.cumsum(light)]))
+    seen = np.diff(summed, axis=1)[:, 0] * np.exp(-2j * np.pi * np.arange(3000) / period)
+    window = np.convolve(np.ones(period), np.ones(period))
+    phase = np.angle(np.convolve(seen, window, "valid"))
+    truly = period / (2 * np.pi) * np.ptp(phase) / 2
+    display = {"pitch_mm": 0.1 / ratio, "columns": 1000, "rows": 800, "fill_factor": (1.0, 1.0)}
+    rig = telecentric(camera={"psf_px": 0.0}, display=display, target={"period_px": period})
+    # the bound takes the carrier as large as without the LCD pixels' apertures, 2 % more here
+    assert np.nanmax(grid_bias_px(SampledView(rig))) == pytest.approx(truly, rel=0.03)

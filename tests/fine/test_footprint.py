@@ -25,14 +25,27 @@ def test_a_dent_is_divided_by_the_footprint_of_its_place(across):
     terms = quadratic_terms(np.array([place]), np.zeros(1))
     half_px = np.einsum("rk,kij->rij", terms, footprint_terms(rig))[0]
     k = np.stack(np.meshgrid(*(2 * np.pi * np.fft.fftfreq(n) for n in (cols, rows))))
-    share = response(np.linalg.norm(np.tensordot(half_px.T, k, 1), axis=0))
+    radius = np.linalg.norm(np.tensordot(half_px.T, k, 1), axis=0)
+    share = response(radius)
     seen = np.real(ifft2(fft2(dent) * share)).astype(np.float32)
-    expected = np.real(ifft2(fft2(dent) * share * regularised_inverse(share)))[rows // 2, at]
+    expected = np.real(ifft2(fft2(dent) * share * regularised_inverse(radius)))[rows // 2, at]
     assert expected == pytest.approx(1.0, abs=0.03)
     # footprints in between are those of two, right to second order in the wave number
     assert Footprint(rig, Optics(rig), lattice).applied(seen)[rows // 2, at] == pytest.approx(
         expected, abs=0.005
     )
+
+
+def test_waves_that_the_pupil_shows_inverted_are_noise():
+    r = np.linspace(0.0, 12.0, 1201)
+    gain, shown = regularised_inverse(r), response(r)
+    inverted_first = r[np.flatnonzero(shown <= 0.0)[0]]
+    assert np.all(gain[r >= inverted_first] == 0.0)
+    # up to there what is divided never exceeds the true wave, and is half of it where c = F / (1 - F)
+    whole = (gain * shown)[r < inverted_first]
+    assert np.all((whole >= 0.0) & (whole <= 1.0))
+    half = np.interp(0.5, whole[::-1], r[: len(whole)][::-1])
+    assert float(response(np.array(half))) == pytest.approx(0.15 / 1.15, abs=1e-3)
 
 
 def test_waves_of_the_lcds_pixels_are_smoothed_away_and_longer_ones_stay():

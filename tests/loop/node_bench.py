@@ -10,10 +10,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from zeromethod.control.controller import controller_of
 from zeromethod.devices.protocols import Frame
 from zeromethod.exposure.exposures import Exposures
 from zeromethod.exposure.pairing import PanelTiming
-from zeromethod.loop.circle import Circle, FrameResult, controller_of
+from zeromethod.loop.circle import Circle, FrameResult
 from zeromethod.pattern.stepping import shift_of
 from zeromethod.rig.model import ControlSpec, DisplaySpec
 from zeromethod.sensing.residual import Residual

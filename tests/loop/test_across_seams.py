@@ -6,7 +6,7 @@ from surface_bench import Bench, Gauss
 
 from benchmarks.dents import Planted, straight
 from zeromethod import load_rig
-from zeromethod.loop.across_seams import at_seams, bridged, settle
+from zeromethod.loop.across_seams import at_seams, bridged, settle_order
 from zeromethod.optics import Dented
 from zeromethod.sensing.residual import Residual
 from zeromethod.warp.rest import Rest
@@ -44,7 +44,7 @@ def planted(thin, dent, periods: int, axis: int = 0) -> tuple[Residual, np.ndarr
 def test_a_side_of_a_seam_that_was_misread_is_brought_back(thin, periods, axis, y_mm):
     # its flanks lie on two seams, where rays are longer on one side by up to 0.7 periods
     residual, true = planted(thin, Gauss(0.2, 42.0, y_mm, 5.0), periods, axis)
-    settle(residual, thin[1].q, np.full_like(true, np.nan), thin[1])
+    settle_order(residual, thin[1].q, np.full_like(true, np.nan), thin[1])
     good = (residual.flags | thin[1].flags) == 0
     assert good.any()
     np.testing.assert_allclose(residual.d[good], true[good], atol=1e-9)
@@ -55,7 +55,7 @@ def test_what_is_right_stays(thin, size_mm):
     # a long edge bends all rows of a seam as much
     dent = Planted(straight, 0.003 * size_mm**2, 41.5, 0.0, size_mm)
     residual, true = planted(thin, dent, 0)
-    settle(residual, thin[1].q, np.full_like(true, np.nan), thin[1])
+    settle_order(residual, thin[1].q, np.full_like(true, np.nan), thin[1])
     good = (residual.flags | thin[1].flags) == 0
     np.testing.assert_allclose(residual.d[good], true[good], atol=1e-9)
 
@@ -65,7 +65,7 @@ def test_fringes_that_look_like_steps_move_no_tooth_that_rests(thin):
     # a burst's fringes after the same seam, in four rows of ten, read a period the other way
     fringes = (seams_before(thin[1]) >= 2) & (np.arange(true.shape[0])[:, None] % 10 < 4)
     residual.d[fringes] = true[fringes] - thin[1].grid.period_px
-    settle(residual, thin[1].q, true, thin[1])
+    settle_order(residual, thin[1].q, true, thin[1])
     good = ((residual.flags | thin[1].flags) == 0) & ~fringes
     np.testing.assert_allclose(residual.d[good], true[good], atol=1e-9)
 
@@ -77,7 +77,7 @@ def test_pieces_of_a_tooth_cut_off_by_fringes_are_brought_back_each_by_itself(th
     away = tooth & (row < 60)  # fewer nodes than the rest of the tooth has
     residual.d[away, 1] += thin[1].grid.period_px
     residual.d[fringes] += 3.0
-    settle(residual, thin[1].q, true, thin[1], fringes)
+    settle_order(residual, thin[1].q, true, thin[1], fringes)
     good = ((residual.flags | thin[1].flags) == 0) & ~fringes
     assert (good & away).any()
     np.testing.assert_allclose(residual.d[good], true[good], atol=1e-9)

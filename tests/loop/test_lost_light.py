@@ -39,7 +39,7 @@ def test_the_phase_error_of_a_small_contact_anywhere_in_the_window_is_as_large_a
     for _ in range(40):
         u, v = draw.uniform(100, 200), draw.uniform(90, 170)
         found = sense.measure(exposed(touched(u, v, 1.6)))
-        lost.open(found)
+        lost.widen_sigma(found)
         near = found.valid & (found.sigma.max(axis=-1) > 0.01)
         assert np.count_nonzero(near) >= 4
         ratios.append((found.d[near] / found.sigma[near]).ravel())
@@ -54,7 +54,7 @@ def test_before_any_rest_the_edge_of_a_lamps_image_is_in_sigma() -> None:
         beyond = across * np.cos(0.1 * place) + down * np.sin(0.1 * place) > 90 + place
         more = 0.02 * beyond  # 4 % of the mean light, as of a ring light's image
         found = sense.measure(exposed(LIGHT + more))
-        LostLight(GRID.shape, PERIOD, 0.0).open(found)
+        LostLight(GRID.shape, PERIOD, 0.0).widen_sigma(found)
         near = found.valid & (found.sigma[..., 0] > 0.02)
         ratios.append((found.d[near] / found.sigma[near]).ravel())
     # a bend says how large a step is, not where in the window it lies: 1.5 where that does most harm
@@ -67,7 +67,7 @@ def test_noise_and_light_that_changes_smoothly_add_nothing() -> None:
     lost = LostLight(GRID.shape, PERIOD, NOISE.black_grey)
     first = sense.measure(camera(LIGHT))
     before = first.sigma.copy()
-    lost.open(first)
+    lost.widen_sigma(first)
     # three deviations of noise of the larger of two bends, at a node or one of eight next to it
     assert np.mean(first.sigma[INNER] > 1.001 * before[INNER]) < 0.03
     for seed in range(2 * FRAMES):
@@ -76,7 +76,7 @@ def test_noise_and_light_that_changes_smoothly_add_nothing() -> None:
     dimmer = 0.8 + 0.1 * u / SHAPE[1] - 0.1 * v / SHAPE[0]
     seen = sense.measure(camera(LIGHT * dimmer, seed=99))
     before = seen.sigma.copy()
-    lost.open(seen)
+    lost.widen_sigma(seen)
     opened = seen.sigma[INNER] > 1.001 * before[INNER]
     # three deviations of noise to one side, of the larger of two
     assert np.mean(opened) < 0.006

@@ -10,7 +10,7 @@ from benchmarks.rigs import VIEW_MIDDLE_MM, opened, pressed, step_path
 from zeromethod import load_rig
 from zeromethod.devices.protocols import Frame
 from zeromethod.exposure.pairing import Observation
-from zeromethod.loop.measured_warp import Known
+from zeromethod.loop.measured_warp import Expected
 from zeromethod.loop.order_check import ENLARGED, LONGEST_S, STEADY_FRAMES, SUDDEN_FRAMES, Order, OrderCheck
 from zeromethod.loop.state import State
 from zeromethod.sensing.residual import Residual
@@ -47,7 +47,9 @@ class View:
             )
         return carriers + SIGMA_PX * self.draw.standard_normal(d.shape)
 
-    def look(self, d: np.ndarray, every_ns: int = FRAME_NS, flags: np.ndarray | None = None) -> Known | None:
+    def look(
+        self, d: np.ndarray, every_ns: int = FRAME_NS, flags: np.ndarray | None = None
+    ) -> Expected | None:
         """One frame of what the check wants to be shown: the target at rest, or enlarged.
 
         flags: (rows, cols) that nodes carry besides; those without a carrier have no contrast.
@@ -69,7 +71,7 @@ class View:
         frame = Frame(np.zeros((1, 1), np.uint8), warp.time_ns, 8_000_000, self.frames)
         seen = Observation(frame, warp, None, np.zeros(1, np.int64), np.ones((1, 1)), None)
         expected = np.where(REST.visible[..., None], self.wrapped(expected), np.nan)
-        return self.check.look(seen, residual, Known(REST.q, REST.visible, expected, expected))
+        return self.check.look(seen, residual, Expected(REST.q, REST.visible, expected, expected))
 
     def order(self, every_ns: int = FRAME_NS) -> Order:
         return self.check.order(self.frames * every_ns)

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from zeromethod.optics.camera import Camera, undistort
+from zeromethod.optics.camera import CameraModel, undistort
 from zeromethod.rig.load import load_rig
 
 from .optics_shapes import close
@@ -13,7 +13,7 @@ DISTORTION = (-0.21, 0.09, 0.0013, -0.0007, 0.011)
 
 
 def camera(**update):
-    return Camera.place(load_rig("simulated").camera.model_copy(update=update))
+    return CameraModel.place(load_rig("simulated").camera.model_copy(update=update))
 
 
 def test_pixels_agree_with_opencv():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from zeromethod.errors import InputError
-from zeromethod.passive import Displacement, Doubt, correlate
+from zeromethod.passive import Displacement, PointFlag, correlate
 
 from . import planted
 
@@ -101,7 +101,7 @@ def test_a_hole_is_not_valid_and_does_not_harm_its_neighbours():
     found = correlate(reference, image)
     inside = (np.abs(found.u - 130) < 12) & (np.abs(found.v - 100) < 12)
     assert not found.valid[inside].any()
-    assert np.all(found.doubts[inside] & (Doubt.MISMATCH | Doubt.TEXTURE))
+    assert np.all(found.doubts[inside] & (PointFlag.MISMATCH | PointFlag.TEXTURE))
     assert found.valid.mean() > 0.8
     # Only the few points whose square the rim crosses are off by more than the noise allows.
     assert np.percentile(np.abs(errors(found, field)), 99) < 0.1

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from zeromethod.passive import Doubt, correlate
+from zeromethod.passive import PointFlag, correlate
 
 from . import planted
 
@@ -62,7 +62,7 @@ def test_a_regular_texture_that_moved_as_a_whole_is_doubtful():
     for texture, moved in ((planted.lattice(), 13.0), (planted.lattice(), 3.0), (dots(24.0), 22.0)):
         found = correlate(*seen(texture, shift(moved, 1.0)))
         assert not found.valid.any()
-        assert np.mean((found.doubts & Doubt.ORDER) > 0) > 0.5
+        assert np.mean((found.doubts & PointFlag.ORDER) > 0) > 0.5
 
 
 @pytest.mark.parametrize(("texture", "period_px"), [(planted.lattice(), 16.0), (dots(24.0), 24.0)])

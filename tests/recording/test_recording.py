@@ -16,7 +16,7 @@ from recorded_run import recorded, small_rig
 from zeromethod import InputError, Loop, Optics, Peak, Recording, Step, Surface, SurfaceReader
 from zeromethod.recording.opening import Refusal, RefusedRecording
 from zeromethod.recording.schema import KEEP
-from zeromethod.session.uneven_rest import UnevenRest
+from zeromethod.session.dirt import DirtCorrection
 
 
 @dataclass
@@ -143,12 +143,12 @@ def test_rig_and_rest_are_those_of_the_run(opened):
     assert opened.versions.keys() >= {"python", "numpy", "hdf5"}
     assert opened.versions["h5py"] == h5py.version.version
     reader = SurfaceReader(opened.rig, Optics(opened.rig), opened.grid)
-    uneven = UnevenRest(opened.rest.q)
+    dirt = DirtCorrection(opened.rest.q)
     for number in opened.steps_with("surface"):
         warp = opened.measured(int(number))
         assert warp is not None
-        levelled = uneven.levelled(warp, opened.state_of(opened.row(int(number))), opened.zero(int(number)))
-    again, then = reader.read(levelled), opened.surface(int(number))
+        cleaned = dirt.corrected(warp, opened.state_of(opened.row(int(number))), opened.zero(int(number)))
+    again, then = reader.read(cleaned), opened.surface(int(number))
     # a reader of its own: the same but for the noise's weighting, which earlier frames settle
     np.testing.assert_allclose(again.depth_mm, then.depth_mm, atol=1e-5)
 

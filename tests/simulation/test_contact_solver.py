@@ -9,7 +9,7 @@ from zeromethod.rig.prism_tables import RestSurface
 from zeromethod.rig.tables import Rubber
 from zeromethod.simulation.contact.adhesion import BallContact
 from zeromethod.simulation.contact.bow import bow_of, on_rest
-from zeromethod.simulation.contact.compliance import Compliance, Spread, layer_factor
+from zeromethod.simulation.contact.compliance import Compliance, LatticeResponse, layer_factor
 from zeromethod.simulation.contact.objects import Form, Held, Solid
 from zeromethod.simulation.contact.patch import Lattice, Patch, Presser
 from zeromethod.simulation.contact.path import ObjectPath
@@ -172,7 +172,7 @@ def test_a_ball_that_sticks_is_pulled_as_far_as_jkr_lets_it():
 
 
 def test_displacement_far_from_a_load_is_boussinesq_s():
-    spread = Spread(Compliance(RUBBER), (3, 3), 0.01, margin=400)
+    spread = LatticeResponse(Compliance(RUBBER), (3, 3), 0.01, margin=400)
     pressure = np.zeros((3, 3))
     pressure[1, 1] = 1.0
     at = spread.displacement(pressure)[401, 401 + 300]
@@ -183,7 +183,7 @@ def test_displacement_far_from_a_load_is_boussinesq_s():
 def test_gap_is_closed_where_pressed_and_open_elsewhere():
     lattice = Lattice(64, 64, 0.02)
     along, across = lattice.mesh()
-    spread = Spread(Compliance(RUBBER), (64, 64), 0.02)
+    spread = LatticeResponse(Compliance(RUBBER), (64, 64), 0.02)
     pressed = press_to_depth(spread, Solid(Form.BALL, 5.0).profile(along, across), 0.05, np.zeros((64, 64)))
     inside = pressed.pressure_mpa > 0
     assert np.abs(pressed.gap_mm[inside]).max() < 1e-5 * 0.05

@@ -6,7 +6,7 @@ import pytest
 from zeromethod.optics import Dented, Optics
 from zeromethod.simulation.camera import exposure_pieces
 from zeromethod.simulation.gpu import GpuRenderer
-from zeromethod.simulation.moving_map import BEND_MM, STILL_MM, MapLattice, MovingMap
+from zeromethod.simulation.moving_map import BEND_MM, STILL_MM, MapPlacement, MovingMap
 from zeromethod.simulation.numpy_renderer import NumpyRenderer
 from zeromethod.simulation.panel import Presentation, SimulatedPanel
 from zeromethod.simulation.press import Mirror
@@ -14,7 +14,7 @@ from zeromethod.simulation.scattered import ScatteredMap
 from zeromethod.simulation.scenario import Scenario
 
 MS = 1_000_000
-LATTICE = MapLattice((40.0, 0.0), 1.0)
+LATTICE = MapPlacement((40.0, 0.0), 1.0)
 PLACE = np.array([40.0]), np.array([0.5])
 
 
@@ -90,7 +90,7 @@ def test_both_renderers_see_it_as_the_exact_rays_do(make_rig):
     fit = ScatteredMap(point[:, 0], point[:, 1], 1.0)
     depth_mm = 0.1 * np.exp(-((point[:, 0] - 40) ** 2 + point[:, 1] ** 2) / 50)
     maps = [fit.fit(point[:, 0], point[:, 1], share * depth_mm) for share in (0.5, 1.0)]
-    press = MovingMap(MapLattice(fit.centre_mm, fit.pitch_mm), [0, 10 * MS], lambda index: maps[index])
+    press = MovingMap(MapPlacement(fit.centre_mm, fit.pitch_mm), [0, 10 * MS], lambda index: maps[index])
     mirror = Scenario("recorded", (press,), 0.01).mirror_at(4 * MS)
     exact = optics.trace(u, v, Dented(optics.rest, mirror)).q
     gpu = GpuRenderer(rig)

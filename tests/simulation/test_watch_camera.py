@@ -5,7 +5,7 @@ import pytest
 
 from zeromethod.clock import HostClock, SimulatedClock
 from zeromethod.devices.protocols import CameraLost, CameraTimeout
-from zeromethod.devices.watch import watch_opener
+from zeromethod.devices.watch_camera import watch_opener
 from zeromethod.errors import InputError
 from zeromethod.rig.load import load_rig
 from zeromethod.simulation.contact.objects import Form, Solid

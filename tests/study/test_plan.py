@@ -9,7 +9,7 @@ import pytest
 
 from zeromethod.errors import InputError
 from zeromethod.study import Study, load_study, packaged_studies, parse_study
-from zeromethod.study.task import PressTable
+from zeromethod.study.task import StudyPress
 from zeromethod.study.tasks import tasks
 
 HEAD = 'schema_version = 1\ntitle = "t"\nframes = 4\n[rig]\nbinning = 8\n[set]\n"target.period_px" = 8\n'
@@ -129,7 +129,7 @@ def test_what_a_press_has_by_default_is_in_the_manual():
     for keys, defaults in re.findall(r"^\| (`[a-z_`, ]+`) \| (.+?) \|", manual, re.MULTILINE):
         names = re.findall(r"\w+", keys)
         documented |= dict(zip(names, defaults.split(", ") if len(names) > 1 else [defaults], strict=True))
-    for name, value in PressTable().model_dump(mode="json").items():
+    for name, value in StudyPress().model_dump(mode="json").items():
         assert documented[name].strip("`") == json.dumps(value)
 
 

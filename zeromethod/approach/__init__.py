@@ -1,4 +1,4 @@
-"""Contactless sensing: what comes, seen by a watch camera from below through the rubber."""
+"""Contactless sensing: approaching objects, seen from below through the rubber by a watch camera."""
 
 from zeromethod.approach.approach import FAULTY, Approach, Watching
 from zeromethod.approach.reader import WatchReader

@@ -1,4 +1,4 @@
-"""What the watch camera sees come, at one instant."""
+"""An approaching object at one instant, as the watch camera measures it."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ FAULTY = frozenset({Watching.STALLED, Watching.LOST, Watching.BLIND})
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Approach:
-    """What comes, from one frame of the watch camera; NaN: not known.
+    """An approaching object, by one frame of the watch camera; NaN: not known.
 
     time_ns: mid-exposure of that frame. height_mm: of its lowest point above the mirror. speed_mm_s: at which
     it comes down, positive towards the mirror. contact_s: time from time_ns until it touches; x_mm, y_mm:

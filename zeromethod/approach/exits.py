@@ -8,7 +8,7 @@ import numpy as np
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.optics import Optics
-from zeromethod.optics.camera import Camera
+from zeromethod.optics.camera import CameraModel
 from zeromethod.optics.layers import through_slabs
 from zeromethod.optics.mirror import distance_to, normal_of
 from zeromethod.rig.model import Rig, WatchSpec
@@ -32,7 +32,7 @@ class Exits:
 def exits_of(rig: Rig, watch: WatchSpec, *, right: bool) -> Exits:
     """Rays of the left or the right view of the rig's watch camera."""
     half, (cx, cy) = watch.columns // 2, watch.centre_px
-    shift = (0.5 if right else -0.5) * watch.baseline_mm * Camera.place(watch).u_axis
+    shift = (0.5 if right else -0.5) * watch.baseline_mm * CameraModel.place(watch).u_axis
     position, look_at = ((one + shift).tolist() for one in (watch.position_mm, watch.look_at_mm))
     centre = half - 1 - cx if right else cx, cy
     lens = watch.camera(

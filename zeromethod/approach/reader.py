@@ -1,4 +1,4 @@
-"""Reads frames of the watch camera: what comes, when and where it will touch."""
+"""Reads frames of the watch camera: an approaching object, and when and where it will touch."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ CLOSING_S = 0.3
 
 
 class Watch:
-    """What comes, asked for once per step: `look` gives the newest and never waits.
+    """The watch camera of a run; `look`, called once per step, gives its newest result and never waits.
 
     In simulated time there is no thread: the frame that is due is read by `look`.
     """

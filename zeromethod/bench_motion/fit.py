@@ -17,6 +17,7 @@ MOST_NODES = 400
 """Nodes that a fit looks at, evenly spread: as good as all, whose windows overlap."""
 
 LEAST_NODES = 4
+"""Nodes without which a motion, of at most six modes, is not determined."""
 _LEAST_VALID = 0.7
 """Share of a fit's nodes that must be valid."""
 
@@ -24,6 +25,7 @@ _DOUBTFUL = 3.0
 """Times the median sigma that counts as noise: more is what light does to a node in every frame alike."""
 
 _SIGMAS = 3.0
+"""Standard deviations within which a node agrees with rigid motion."""
 _DEGREE = 4
 """Of the polynomials in camera px that stand for what a press leaves of a fit."""
 

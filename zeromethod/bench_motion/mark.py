@@ -22,6 +22,7 @@ _MARGIN = 3
 """Pixels at the window's border that the quintic spline needs to shift the rest; they have no weight."""
 
 _ROUNDS = 6
+"""Steps of a fit at most."""
 _NEAR_PX = 0.1
 """Shift from where the fit is linear, below which one step is exact to 0.003 px."""
 
@@ -66,8 +67,8 @@ def _shifted(spline: Float, u_px: float, v_px: float) -> list[Float]:
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
-    """A mark in one frame: shift (u, v) from its reference, px, and what else than noise could feign, px."""
+class SeenMark:
+    """A mark in one frame: shift (u, v) from its reference, and shift that other light could feign, px."""
 
     shift_px: Float
     feigned_px: float
@@ -113,7 +114,7 @@ class Mark:
         cut = image[row - half : row + half + 1, column - half : column + half + 1]
         return np.asarray(cut, np.float64)
 
-    def see(self, image: Image) -> Seen | None:
+    def see(self, image: Image) -> SeenMark | None:
         """The mark near where it was seen last; None where it is covered, or further away."""
         shift = self._shift
         for _ in range(_ROUNDS):
@@ -162,7 +163,7 @@ class Mark:
             return None
         return self.window(image, column, row).ravel()
 
-    def _fit(self, window: Float) -> tuple[Float, Seen | None]:
+    def _fit(self, window: Float) -> tuple[Float, SeenMark | None]:
         """Step from the present shift, and the mark as seen; None where it is covered."""
         found = self._solve @ window
         gain = found[2]
@@ -176,4 +177,4 @@ class Mark:
         shift = self._at + step
         if np.abs(step).max() < _NEAR_PX:
             self._shift = self._at
-        return step, Seen(shift, float(np.sqrt(beyond2 / self._steep)) / gain)
+        return step, SeenMark(shift, float(np.sqrt(beyond2 / self._steep)) / gain)

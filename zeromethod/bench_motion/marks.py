@@ -7,13 +7,14 @@ from collections import deque
 import numpy as np
 
 from zeromethod.arrays import Float, Image, Mask
-from zeromethod.bench_motion.mark import MOST_SIGMA_PX, Mark, Seen
+from zeromethod.bench_motion.mark import MOST_SIGMA_PX, Mark, SeenMark
 from zeromethod.bench_motion.watch import FRAMES, LEAST_LCD_PX
 from zeromethod.errors import InputError
 from zeromethod.rig.model import MARK_HALF_PX, Rig
 from zeromethod.warp.grid import NodeGrid
 
 _SIGMAS = 5.0
+"""Standard deviations of a mark's place from which on it has moved."""
 _LEAST_FRAMES = 4
 """Frames of one mark from which it is judged: fewer can be a hand that passes."""
 
@@ -68,7 +69,7 @@ class MarkWatch:
         self.moved = ""
         self._gathered: list[list[Float]] = []
         self._marks: list[Mark | None] = []
-        self._seen: list[deque[Seen]] = [deque(maxlen=FRAMES) for _ in self._places]
+        self._seen: list[deque[SeenMark]] = [deque(maxlen=FRAMES) for _ in self._places]
         self._frames = 0
 
     def look(self, image: Image, nulled: bool) -> str:

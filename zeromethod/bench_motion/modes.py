@@ -20,6 +20,7 @@ from zeromethod.optics.vectors import rotation
 from zeromethod.warp.grid import NodeGrid
 
 _STEP_MM, _STEP_RAD = 1e-3, 1e-5
+"""Motions by which the patterns are found."""
 _CLEAR_MM = 0.05
 """A panel that touches the prism is taken this far off: it must not enter the prism when it is turned."""
 

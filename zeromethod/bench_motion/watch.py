@@ -29,6 +29,7 @@ LEAST_KNOWN_LCD_PX = 0.02
 """The same of nodes known to rest, and from which `--follow-bench` corrects."""
 
 _SIGMAS = 5.0
+"""Standard deviations of noise from which on motion is seen."""
 _PASSING = 0.98
 """Share of the nodes that must agree with rigid motion within their noise, or something presses."""
 

@@ -11,7 +11,7 @@ from scipy.ndimage import uniform_filter
 
 from zeromethod.arrays import Float, Mask, Single
 from zeromethod.calibration.falloff import mean_around
-from zeromethod.calibration.panel_faults import SURE_SIGMAS, Fault, Finding, root
+from zeromethod.calibration.panel_faults import SURE_SIGMAS, Fault, FaultCheck, root
 from zeromethod.errors import InputError
 
 SLOWEST_CYCLES = 3
@@ -25,7 +25,7 @@ _LEAST_PIXELS = 256
 
 def temporal_dithering(
     series: Sequence[NDArray[np.generic]], codes: Sequence[int], grey_per_code: Sequence[float], lit: Mask
-) -> Finding:
+) -> FaultCheck:
     """Dithering in time: pixels that swing with a rhythm, each with its own phase, in an unchanged picture.
 
     series: for each code, (frames, rows, cols) of a uniform pattern, 16 frames at least. grey_per_code: grey
@@ -38,7 +38,7 @@ def temporal_dithering(
         words = (
             f"at code {code} pixels swing by {size:.2g} grey codes (rms) while the picture does not change"
         )
-        made.append(Finding(Fault.TEMPORAL_DITHERING, size, sigma, words))
+        made.append(FaultCheck(Fault.TEMPORAL_DITHERING, size, sigma, words))
     return _strongest(made, Fault.TEMPORAL_DITHERING)
 
 
@@ -79,7 +79,7 @@ def spatial_dithering(
     white: Float,
     black: Float,
     lit: Mask,
-) -> Finding:
+) -> FaultCheck:
     """Dithering in space: a fine pattern at some grey codes that the white picture does not show.
 
     halves: for each code, (2, rows, cols): mean of the first and of the second half of its frames. white,
@@ -104,11 +104,11 @@ def spatial_dithering(
         sigma2 = 1.5 * float(agreed.std()) / math.sqrt(len(agreed))
         size, sigma = (one / step for one in root(float(agreed.mean()), sigma2))
         words = f"at code {code} the picture has a fine pattern of {size:.2g} grey codes (rms) of its own"
-        made.append(Finding(Fault.SPATIAL_DITHERING, size, sigma, words))
+        made.append(FaultCheck(Fault.SPATIAL_DITHERING, size, sigma, words))
     return _strongest(made, Fault.SPATIAL_DITHERING)
 
 
-def _strongest(made: Iterable[Finding], fault: Fault) -> Finding:
+def _strongest(made: Iterable[FaultCheck], fault: Fault) -> FaultCheck:
     """The largest that was found, else the surest that was not."""
-    unknown = Finding(fault, 0.0, math.inf, "")
+    unknown = FaultCheck(fault, 0.0, math.inf, "")
     return max(made, key=lambda one: (one.found, one.size if one.found else -one.sigma), default=unknown)

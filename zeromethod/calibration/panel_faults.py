@@ -1,6 +1,6 @@
 """Faults of a display that change the picture unasked: found from the light at the camera.
 
-Each check gives a `Finding`: how large, how sure, and from where on it counts. What cannot be found:
+Each check gives a `FaultCheck`: how large, how sure, and from where on it counts. What cannot be found:
 dithering whose period the exposures span (it then does no harm), and anything slower than the frames looked
 at.
 """
@@ -74,7 +74,7 @@ _LIMIT_ADVICE = {
 
 
 @dataclass(frozen=True)
-class Finding:
+class FaultCheck:
     """Outcome of one check.
 
     size, sigma: in the unit of `Fault.limit`; sigma of noise alone. measured: what was seen, in words.
@@ -105,7 +105,7 @@ class Finding:
         return f"{self.fault}: none above {100 * self.least:.2g} %"
 
 
-def surround(patch: Float) -> tuple[Finding, Finding]:
+def surround(patch: Float) -> tuple[FaultCheck, FaultCheck]:
     """Dynamic contrast and adaptive tone, from the light of a patch by what is around it.
 
     Glare (of lens, faces, LCD glass) adds light, dynamic contrast multiplies it: the patch's own swing
@@ -128,13 +128,13 @@ def surround(patch: Float) -> tuple[Finding, Finding]:
     tone_sigma = 2.0 * sigma / min(swing[oddest], swing[-1])
     names = ["black"] + ["grey"] * (len(swing) - 2) + ["white"]
     return (
-        Finding(
+        FaultCheck(
             Fault.DYNAMIC_CONTRAST,
             float(gain[worst]),
             float(gain_sigma),
             f"the same patch gives {100 * gain[worst]:+.1f} % of light on {names[worst]} against on white",
         ),
-        Finding(
+        FaultCheck(
             Fault.ADAPTIVE_TONE,
             float(bend[oddest]),
             float(tone_sigma),
@@ -159,7 +159,7 @@ def root(variance: float, sigma: float) -> tuple[float, float]:
     return size, sigma / (2 * size) if size > math.sqrt(sigma) else math.sqrt(sigma)
 
 
-def flicker(times_s: Float, white: Float, black: Float, noise_grey: float) -> tuple[Finding, Finding]:
+def flicker(times_s: Float, white: Float, black: Float, noise_grey: float) -> tuple[FaultCheck, FaultCheck]:
     """Flicker of the backlight, and of other light, from frame to frame.
 
     times_s: (n,) of the frames of the white LCD. white, black: (n,), (m,) mean grey over the lit view, the
@@ -175,13 +175,13 @@ def flicker(times_s: Float, white: Float, black: Float, noise_grey: float) -> tu
     room, room_sigma = root(dark, dark_sigma)
     rhythm = _rhythm(times_s, white)
     return (
-        Finding(
+        FaultCheck(
             Fault.BACKLIGHT_FLICKER,
             own / light,
             own_sigma / light,
             f"the light varies by {100 * own / light:.2g} % (rms) from frame to frame{rhythm}",
         ),
-        Finding(
+        FaultCheck(
             Fault.ROOM_LIGHT,
             room / light,
             room_sigma / light,
@@ -218,7 +218,7 @@ class StepResponse:
     was looked at.
     """
 
-    overdrive: Finding
+    overdrive: FaultCheck
     began_s: float
     settled_s: float
 
@@ -250,7 +250,7 @@ def step_response(times_s: Float, share: Float, words: str) -> StepResponse:
     late = np.abs(light - np.median(tail, axis=0)).max(axis=1) > least
     last = int(np.max(np.flatnonzero(late), initial=-1))
     settled = float(times[last + 1]) if last + 1 < len(times) - len(tail) // 2 else math.nan
-    finding = Finding(
+    finding = FaultCheck(
         Fault.OVERDRIVE,
         size,
         sigma,

@@ -35,7 +35,7 @@ from zeromethod.rig.model import SIMULATED, Rig
 from zeromethod.rig.save import save_values
 from zeromethod.session.session import Session
 from zeromethod.session.trust import is_known
-from zeromethod.session.weighing import MOST_GRAMS, Before, Weighed, check_weight, for_weighing, weigh
+from zeromethod.session.weighing import MOST_GRAMS, ModulusBefore, Weighed, check_weight, for_weighing, weigh
 from zeromethod.thread_limits import limit_threads
 
 _SIMULATED = "weight"
@@ -96,7 +96,7 @@ def weight_command(
         found = _weigh(rig, rig_name, (grams, sigma_grams, patience_s))
     except KeyboardInterrupt:
         raise KeyboardInterrupt("interrupted: nothing was stored") from None
-    before = Before.of(rig.rubber, found)
+    before = ModulusBefore.of(rig.rubber, found)
     for line in _words(found, before):
         click.echo(line)
     if before is not None and abs(before.off_sigmas) > _MOST_SIGMAS:
@@ -139,7 +139,7 @@ def _weigh(rig: Rig, rig_name: str, weighing: tuple[float, float, float]) -> Wei
                 raise
 
 
-def _words(found: Weighed, before: Before | None) -> list[str]:
+def _words(found: Weighed, before: ModulusBefore | None) -> list[str]:
     causes = ", ".join(f"{name} {share:.2%}" for name, share in found.sigma_share.items())
     where = "1 contact" if found.contacts == 1 else f"{found.contacts} contacts"
     true = "" if math.isnan(found.true_force_n) else f"; truly {found.true_force_n:.4g} N"
@@ -156,7 +156,7 @@ def _words(found: Weighed, before: Before | None) -> list[str]:
     return lines
 
 
-def _figures(found: Weighed, before: Before | None) -> dict[str, Any]:
+def _figures(found: Weighed, before: ModulusBefore | None) -> dict[str, Any]:
     return {
         "youngs_modulus_mpa": found.youngs_modulus_mpa,
         "sigma_mpa": found.sigma_mpa,

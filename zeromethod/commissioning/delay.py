@@ -343,7 +343,7 @@ def _rate_hz(stamps: list[tuple[int, int]]) -> float:
     return float(1e9 / np.polyfit(numbers - numbers[0], times_ns - times_ns[0], 1)[0])
 
 
-def with_strips(rig: Rig, on: bool = True) -> Rig:
-    """Rig that asks for coded strips, or for none."""
-    control = rig.control.model_copy(update={"strips": "edges" if on else "none"})
+def with_strips(rig: Rig) -> Rig:
+    """Rig that asks for coded strips."""
+    control = rig.control.model_copy(update={"strips": "edges"})
     return rig.model_copy(update={"control": control})

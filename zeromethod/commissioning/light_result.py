@@ -7,7 +7,7 @@ from typing import Any
 
 from zeromethod.arrays import Bytes, Float, Mask
 from zeromethod.calibration.falloff import Falloff
-from zeromethod.calibration.panel_faults import Finding
+from zeromethod.calibration.panel_faults import FaultCheck
 from zeromethod.calibration.photon_transfer import PhotonTransfer
 from zeromethod.calibration.response import MeasuredResponse
 from zeromethod.calibration.viewing_angle import spread_left
@@ -29,7 +29,7 @@ class LightResult:
     noise: PhotonTransfer
     bad_pixels: Bytes
     falloff: Falloff
-    findings: tuple[Finding, ...]
+    findings: tuple[FaultCheck, ...]
     lit: Mask
     hold_s: float
     notes: tuple[str, ...]

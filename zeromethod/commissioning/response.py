@@ -15,7 +15,7 @@ from zeromethod.calibration.bad_pixels import find_bad_pixels
 from zeromethod.calibration.falloff import TILES, lit_pixels, measure_falloff, tile_means
 from zeromethod.calibration.panel_dithering import spatial_dithering, temporal_dithering
 from zeromethod.calibration.panel_faults import (
-    Finding,
+    FaultCheck,
     StepResponse,
     flicker,
     step_response,
@@ -215,7 +215,7 @@ class _Measurement:
     def _tiles(self, image: Image) -> Float:
         return tile_means(np.asarray(image, dtype=np.float64), self._lit)
 
-    def _surround(self) -> tuple[Finding, ...]:
+    def _surround(self) -> tuple[FaultCheck, ...]:
         """Light of a patch by what surrounds it; nothing where the patch is not visible."""
         rest = Rest.of(self._rig, Optics(self._rig))
         size = np.array(rest.display_size) - 1
@@ -283,7 +283,7 @@ class _Measurement:
         response: MeasuredResponse,
         noise: PhotonTransfer,
         good: Mask,
-    ) -> list[Finding]:
+    ) -> list[FaultCheck]:
         white, black = stills[255], stills[0]
         level_noise = float(
             np.sqrt(noise.variance(white.mean[self._lit]).mean() / np.count_nonzero(self._lit))

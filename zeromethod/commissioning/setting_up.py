@@ -34,7 +34,7 @@ BRIGHT_FRAMES = 600
 """Of so many frames the brightest counts: clouds go."""
 
 
-class Flicker:
+class FlickerMeter:
     """How the light changes from frame to frame, less a steady drift."""
 
     def __init__(self, black_grey: float) -> None:
@@ -115,7 +115,7 @@ class SettingUp:
         self._meter = FocusMeter(rig)
         self._rig = self._meter.rig
         self._patterns = TimedPatterns(self._rig, devices, SETTLE_S)
-        self._flicker = Flicker(rig.camera.noise.black_grey)
+        self._flicker = FlickerMeter(rig.camera.noise.black_grey)
         self._bright: deque[float] = deque(maxlen=BRIGHT_FRAMES)
         self._plain = PlainPictures(self._meter.rest) if with_lcd else None
         self._drawer = Drawer(self._rig, devices.display, self._meter.rest) if with_lcd else None

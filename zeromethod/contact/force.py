@@ -1,9 +1,9 @@
 """How hard each contact presses, read from the mirror around it.
 
-No light comes back from inside a contact, but the rubber around it carries the whole load: the slopes there
-are those that the pressures of every contact make (`zeromethod.contact.loads`), of which the first has a net
-force and the others differ from it by none. Their shares are fitted to the slopes, which need no constant as
-depth does; two numbers are a tilt of the whole mirror, that nothing else here needs to know.
+No light comes back from inside a contact, but the rubber around it carries the whole load. So the slopes
+there are fitted by those that pressures on each contact make (`zeromethod.contact.loads`): one with a net
+force, and others without, which change how it is spread. Slopes are used, as they need no constant, unlike
+depth. Two further unknowns are a tilt of the whole mirror.
 
 Convention: force > 0 presses into the rubber, < 0 pulls; a torque presses deeper on its positive side: that
 about y (N mm) is the sum of force times x from the contact's centroid, that about x of force times -y.
@@ -29,11 +29,11 @@ from zeromethod.rig.model import Rig
 from zeromethod.surface import Surface
 
 _FORCES = 0.0008
-"""What the kernel and shapes leave open of forces, relative to them: means over frames of 15 balls, cones,
+"""Relative error of forces by the kernel and the shapes of pressure: means over frames of 15 balls, cones,
 punches and rods were off by 0.07 %, rms, on the simulated bench."""
 _PULLS = 0.04
-"""The same of a pull: what pushes in the middle and what pulls at the rim are each some times as large, and
-slopes around hardly say how large; 2 mN were read as 2.08."""
+"""The same of a pull. It is a small difference of a push in the middle and a pull at the rim, and the slopes
+around hardly show how large the two are: 2 mN were read as 2.08."""
 _CLOTH = 0.025
 """The same through a cloth, where borders are rough: 125 planted fingers were 2.0 % off, rms."""
 

@@ -26,7 +26,9 @@ from zeromethod.surface.anchor import mean_noise_gain
 from zeromethod.warp.overlap import component_correlation
 
 _FEWEST = 24
+"""Blocks of slopes, beyond those that the shares need, without which nothing is fitted."""
 _PASSES, _LATER_PASSES = 2, 4
+"""Passes in which outlying slopes lose weight: of a fit, and of a frame that follows one."""
 _MEDIAN = 0.6745
 """Median of the size of a standard normal number."""
 _DOUBTED = 2.5

@@ -28,6 +28,7 @@ _BODY = 0.03
 _FEWEST = 4
 """Nodes beside a contact that must be read."""
 _LARGEST_SHARE = 0.5
+"""Share of the mirror above which nothing is carried: too little is read around."""
 _STEEPEST = 0.5
 """Least change of depth along a ray, over that at one place: where it is less, the mirror folds."""
 

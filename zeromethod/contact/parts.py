@@ -23,6 +23,7 @@ _MOST_DARKER = 0.15
 MOST_FILLED = 0.85
 """Share of a patch that parts fill, above which it has no gaps."""
 _NOISES = 2.5
+"""Standard deviations of noise within which light is of one level."""
 BRIGHTEST = 0.4
 """Of the picture's mean: a perfectly white object scatters cos(pattern angle) / index^2 = 0.32 of it."""
 

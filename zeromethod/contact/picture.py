@@ -13,12 +13,13 @@ from zeromethod.surface import Surface
 from zeromethod.warp.grid import NodeGrid
 
 _MARGIN_MM = 0.25
+"""Margin of an image around the contact."""
 _DEGREE = 6
 """Of the polynomials: cubic ones stretch a finger's image by 1.3 %, these by 0.2 %."""
 _AROUND = 3
 """Nodes around a contact's box that place it, too."""
-_MOST_NODES = 500
-_FEWEST_NODES = 56
+_MOST_NODES, _FEWEST_NODES = 500, 56
+"""Nodes to which the polynomials are fitted, evenly chosen, and fewest: twice their 28 coefficients."""
 _MOST_PX = 1536
 """Longest side of an image; a larger contact's is coarser."""
 

@@ -13,7 +13,7 @@ from zeromethod.contact.flat import flat_places
 from zeromethod.contact.likelihood import UNKNOWN, GreyModel, grey_model
 from zeromethod.contact.median import median
 from zeromethod.contact.parts import BRIGHTEST, MOST_FILLED, Parts, closed_over, narrow_parts
-from zeromethod.contact.pieces import pieces
+from zeromethod.contact.pieces import disc, pieces
 from zeromethod.contact.rest import RestPicture
 from zeromethod.rig.model import Rig
 from zeromethod.sensing.residual import Residual
@@ -40,6 +40,8 @@ _SHADOW_SHARE = 0.03
 """Light over the mean below which a region next to a brighter one is its shadow: a slope too steep for total
 reflection."""
 _SMOOTH_PX = 5
+"""Side of the square over which the evidence of pixels is averaged; they count as `_SMOOTH_PX` independent
+ones."""
 _ALIKE_NOISES = 2.0
 """Deviation, in those of one pixel, up to which 3 x 3 px count as of one level."""
 _WIDE_PX, _WIDE_NARROW_PX, _NEAR_PX = 5, 3, 7
@@ -47,10 +49,9 @@ _WIDE_PX, _WIDE_NARROW_PX, _NEAR_PX = 5, 3, 7
 a border blurs."""
 _LEAST_WHOLE = 0.7
 """Share of a region that its widest piece must have."""
-_LEAST_PART_PX = 10
-_LEAST_WIDE_PX = 7
-_SMOOTH_PARTS_PX = 3
-"""The same where what touches has narrow parts."""
+_LEAST_PART_PX, _LEAST_WIDE_PX, _SMOOTH_PARTS_PX = 10, 7, 3
+"""Where what touches has narrow parts: pixels of the smallest part; least width of all parts together, gaps
+closed; side of the square over which evidence is averaged."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -252,8 +253,8 @@ class RegionFinder:
         """
         noise = np.sqrt(self.noise[0] + self.noise[1] * max(scattered, 0.0))
         alike = mask & (np.abs(cv2.boxFilter(grey, -1, (3, 3)) - scattered) < _ALIKE_NOISES * noise)
-        whole = cv2.morphologyEx(alike.astype(np.uint8), cv2.MORPH_OPEN, _disc(wide_px))
-        near = np.asarray(cv2.dilate(whole, _disc(_NEAR_PX)), np.uint8)
+        whole = cv2.morphologyEx(alike.astype(np.uint8), cv2.MORPH_OPEN, disc(wide_px))
+        near = np.asarray(cv2.dilate(whole, disc(_NEAR_PX)), np.uint8)
         labels, sizes = pieces(mask & (near > 0))
         if len(sizes) < 2:
             return mask
@@ -272,16 +273,12 @@ class RegionFinder:
 
 def _with_dirt(mask: Mask, dirt: Mask) -> Mask:
     """A region with the dirt that bites into it: what a line round it takes in and hangs together with it."""
-    if not (dirt & (cv2.dilate(mask.view(np.uint8), _disc(3)) > 0)).any():
+    if not (dirt & (cv2.dilate(mask.view(np.uint8), disc(3)) > 0)).any():
         return mask
     hull = np.zeros(mask.shape, np.uint8)
     cv2.fillConvexPoly(hull, cv2.convexHull(cv2.findNonZero(mask.view(np.uint8))), 1)
     _, labels = cv2.connectedComponents((mask | (dirt & (hull > 0))).view(np.uint8))
     return np.asarray(np.isin(labels, np.unique(labels[mask])))
-
-
-def _disc(side: int) -> Bytes:
-    return np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side)), np.uint8)
 
 
 def _is_shadow(region: Region, others: list[Region]) -> bool:

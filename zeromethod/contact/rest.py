@@ -21,6 +21,7 @@ from zeromethod.warp.validity import Flag
 FRAMES = 8
 """Nulled frames that make the picture."""
 BINS = 48
+"""Grey levels, up to 2.4 times the mean, whose frequency in the picture is known."""
 _FLAT_SHARE = 0.06
 """Deviation over 7 x 7 px, over the mean light, below which a pixel shows no picture at rest."""
 _UNLIKE_SHARE = 0.15

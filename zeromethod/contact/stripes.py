@@ -14,11 +14,15 @@ from zeromethod.contact.contact import Contact
 _LEAST_PERIODS = 3.0
 """Periods across the contact from which on something counts as periodic."""
 _FINEST_PX = 3.0
+"""Shortest period that is looked for."""
 _FINE = 4
+"""Zero padding of the spectrum: its step is a fourth of the image's own."""
 _PHASES = 16
+"""Parts of a period in which the mean stripe is known."""
 _UNLIKE = 0.08
 """Difference from the object's own light from which on a place is as unlike it as can be."""
 _FEWEST_PX = 200
+"""Pixels of the smallest image in which stripes are looked for."""
 
 
 class Stripes(NamedTuple):

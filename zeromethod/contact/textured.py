@@ -15,6 +15,7 @@ from zeromethod.sensing.residual import Residual
 _GAP_NODES = 6
 """Tips up to twice as many nodes apart are one region's."""
 _FEWEST_NODES = 30
+"""Lost nodes of the smallest region."""
 _BORDER_NODES = 2.0
 """Standard deviation of where a region's border lies."""
 _DARKEST = 0.02

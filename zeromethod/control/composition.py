@@ -15,8 +15,6 @@ predicted ahead by the loop's delay (`zeromethod.control.velocity`); x itself is
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import numba
 import numpy as np
 
@@ -46,38 +44,6 @@ FREEZE_ABOVE = 0.03
 """Share of the nodes with mixed pictures above which the whole command is frozen."""
 
 _MIXED = np.uint16(Flag.MIXED)
-
-
-class Controller(Protocol):
-    """A controller: turns measured warps into the commanded one."""
-
-    @property
-    def commanded(self) -> Float:
-        """(rows, cols, 2) LCD px to be shown next, finite everywhere."""
-
-    @property
-    def estimate(self) -> Float:
-        """(rows, cols, 2) LCD px where the nodes looked in the last frame, finite everywhere."""
-
-    def update(
-        self,
-        residual: Residual,
-        measured: Warp,
-        horizon_s: Float | None = None,
-        unsteady: Mask | None = None,
-    ) -> bool:
-        """Take in one frame; False when the command stayed as it was.
-
-        horizon_s: (n,) s from a frame's mid-exposure to that of the frames exposed to the resulting picture,
-        from the panel's first row to its last; None while unknown. unsteady: (rows, cols) nodes to be
-        followed slowly, and to stay as they are where they fail; None for none.
-        """
-
-    def set_gain(self, gain: float) -> None:
-        """Apply at most this share of each correction, above 0 to 1, from the next frame on."""
-
-    def filtered(self, time_ns: int) -> Warp:
-        """Estimate of the warp, less noisy than one frame's."""
 
 
 @numba.njit(cache=True)

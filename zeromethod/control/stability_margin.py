@@ -29,8 +29,8 @@ from zeromethod.rig.model import ControlSpec
 OBSERVED_SHARES = (0.1, 0.25, 0.5, 0.75, 1.0)
 """W of the modes examined; modes below the first are filtered out of every command."""
 
-_LARGEST = 4.0
-_HALVINGS = 40
+_LARGEST, _HALVINGS = 4.0, 40
+"""Largest gain that is looked at, and halvings of the interval in which the limit lies."""
 
 
 @dataclass(frozen=True)

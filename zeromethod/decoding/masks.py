@@ -53,6 +53,9 @@ SPREAD_PX = 3
 DEAD_AREA_PX = 9
 """Largest group of dead pixels; larger ones are something else."""
 
+REFLECTED_SHARE = 0.1
+"""Amplitude of a second reflection, over the fringes', whose disagreement marks a pixel as inconsistent."""
+
 DIM_SHARE = 0.6
 """Amplitude over the median of 5 x 5 neighbours below which a pixel, of camera or LCD, is dead."""
 
@@ -208,14 +211,14 @@ def with_margin(mask: Mask, reach_px: int = SPREAD_PX) -> Mask:
     return cv2.dilate(mask.astype(np.uint8), kernel).astype(np.bool_)
 
 
-def small_parts(mask: Mask, most_px: int = DEAD_AREA_PX) -> Mask:
-    """Connected parts of the mask of at most `most_px` pixels."""
+def small_parts(mask: Mask) -> Mask:
+    """Connected parts of the mask of at most `DEAD_AREA_PX` pixels."""
     if not mask.any():
         return mask.copy()
     label = cv2.connectedComponents(mask.view(np.uint8), connectivity=8)[1]
     of_mask = label[mask]
     out = np.zeros_like(mask)
-    out[mask] = (np.bincount(of_mask) <= most_px)[of_mask]
+    out[mask] = (np.bincount(of_mask) <= DEAD_AREA_PX)[of_mask]
     return out
 
 
@@ -293,7 +296,7 @@ def _extended(found: Mask, proven: Mask) -> Mask:
     return cv2.morphologyEx(reached, cv2.MORPH_CLOSE, square).astype(np.bool_)
 
 
-def inconsistent(places: Places, largest_share: float = 0.1) -> Mask:
-    """Single pixels whose periods disagree beyond noise, as much as a reflection of `largest_share` does."""
+def inconsistent(places: Places) -> Mask:
+    """Single pixels whose periods disagree beyond noise, as a reflection of `REFLECTED_SHARE` makes them."""
     far = places.chi2 > chdtri(places.degrees, 1e-8)
-    return np.asarray(far & (2.0 * (places.chi2 - places.degrees) > largest_share**2 * places.stiffness))
+    return np.asarray(far & (2.0 * (places.chi2 - places.degrees) > REFLECTED_SHARE**2 * places.stiffness))

@@ -25,7 +25,9 @@ AREA_PX = 33
 """Side of the square that is averaged over."""
 
 _SIGMAS = 6.0
+"""Standard deviations of the mean over an area from which on a reflection is seen."""
 _LEAST_FILLED = 0.5
+"""Share of an area's pixels that must be known for it to be judged."""
 _WIDE = 0.05
 """Share of the areas that may show more than the result."""
 

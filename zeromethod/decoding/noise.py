@@ -13,8 +13,10 @@ QUANTISATION = 1.0 / 12.0
 """Variance of rounding to whole grey levels."""
 
 _CLASSES = 12
-_LEAST_PIXELS = 50
-_LEAST_RANGE = 2.0
+"""Classes of brightness in which noise is measured, each with as many pixels."""
+_LEAST_PIXELS, _LEAST_RANGE = 50, 2.0
+"""Pixels without which there is no model; brightest class over darkest below which noise counts as
+constant."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -124,28 +124,32 @@ def depth_sigma_nm(view: SampledView) -> Float:
 def grid_bias_px(view: SampledView) -> Float:
     """Bound of the bias that the LCD's own pixels beat into a displacement, (rows, cols), camera px.
 
-    Lit apertures with dark between modulate the light once per LCD pixel (three times where it is striped).
-    What of that the lens and the camera's pixel let through folds back at the camera's pixels, by itself and
-    mixed with the carrier; the sensing window passes what comes near the carrier. Every phase is taken as the
-    worst. Averaging does not take it away; a movement of the reading over an LCD pixel turns it.
+    An LCD pixel shows one grey over its lit aperture (three where it is striped), so that its light has whole
+    waves per pixel, and the carrier beside them. What of these the lens and the camera's pixel let through
+    folds back at the camera's pixels; the sensing window passes what comes near the carrier. Every phase is
+    taken as the worst. Averaging does not take it away; a movement of the reading over an LCD pixel turns it.
     """
-    rig, period = view.rig, view.rig.target.period_px
+    rig, period, blur = view.rig, view.rig.target.period_px, view.rig.camera.psf_px
     target = contrast(rig)
-    carrier = target.carrier / target.mean
-    orders = (3 if rig.display.stripes == "rgb" else 1, 1)
+    drawn = target.carrier / (np.exp(-2 * (np.pi * blur / period) ** 2) * np.sinc(1 / period))
+    carriers = np.moveaxis(inverse(view.lcd_per_camera), -2, 0) / period  # cycles per LCD px of u, of v
+    sides = [(sign * one, drawn) for one in carriers for sign in (-1, 1)]
+    striped = rig.display.stripes == "rgb"
+    fill = np.array(rig.display.fill_factor) / (3 if striped else 1, 1)
     largest = np.zeros(view.on_lcd.shape)
-    for k, (order, fill) in enumerate(zip(orders, rig.display.fill_factor, strict=True)):
-        u, v = order * view.lcd_per_camera[..., k, 0], order * view.lcd_per_camera[..., k, 1]
-        lens = np.exp(-2 * (np.pi * rig.camera.psf_px) ** 2 * (u * u + v * v))
-        depth = 2 * abs(np.sinc(fill)) * lens * np.abs(np.sinc(u) * np.sinc(v))
-        u, v = u - np.rint(u), v - np.rint(v)
-        for along, across in ((u, v), (v, u)):
-            for beats, weight in ((0.0, carrier / 2), (1.0, 1.0), (2.0, carrier / 2)):
-                passed = np.maximum(
-                    transfer(period, along - beats / period), transfer(period, along + beats / period)
-                ) * transfer(period, across)
-                largest = np.maximum(largest, depth * weight * passed)
-    return np.where(view.on_lcd, period / (2 * np.pi) * largest / carrier, np.nan)
+    for order in [(1, 0), (0, 1)] + ([(2, 0), (3, 0)] if striped else []):
+        for side, light in [(np.zeros(2), 2 * target.mean), *sides]:
+            waves = side + order
+            shown = light * np.prod(np.sinc(fill * waves), axis=-1)
+            if striped:
+                shown = shown * (1 + 2 * np.cos(2 * np.pi * waves[..., 0] / 3)) / 3
+            u, v = np.moveaxis(np.einsum("...k,...kc->...c", waves, view.lcd_per_camera), -1, 0)
+            lens = np.exp(-2 * (np.pi * blur) ** 2 * (u * u + v * v)) * np.sinc(u) * np.sinc(v)
+            u, v = u - np.rint(u), v - np.rint(v)
+            for along, across in ((u, v), (v, u)):
+                near = np.maximum(transfer(period, along - 1 / period), transfer(period, along + 1 / period))
+                largest = np.maximum(largest, np.abs(shown * lens) * near * transfer(period, across))
+    return np.where(view.on_lcd, period / (2 * np.pi) * largest / target.carrier, np.nan)
 
 
 def noise_floor(view: SampledView) -> dict[str, Any]:

@@ -7,6 +7,7 @@ import numpy as np
 from zeromethod.arrays import Float, Ints
 
 CAPACITY = 64
+"""Presentations that are kept: more than a second of them."""
 
 
 class PresentationLog:

@@ -88,13 +88,12 @@ class TargetPhase:
 
     Convention: of a mirror at rest the camera sees a carrier as cos(2 pi u / P + rad), so `rad` is to be
     taken out of what was demodulated. whole: (n, 4) at n panel rows, equally spaced in scan-out order: rad of
-    the two carriers, and share of their amplitude that is left, 0..1. windowed: the same in the mean over the
-    sensing window. diagonal: whether they are a checker's. at_nodes: (rows, cols, 4) of `windowed` where each
-    node looks on the shown warp: rad, and 1 / share. place: (rows, cols) the row of n there.
+    the two carriers, and share of their amplitude that is left, 0..1. diagonal: whether they are a checker's.
+    at_nodes: (rows, cols, 4) where each node looks on the shown warp, in the mean over the sensing window:
+    rad, and 1 / share. place: (rows, cols) the row of n there.
     """
 
     whole: Float
-    windowed: Float
     diagonal: bool
     at_nodes: Float
     place: Float
@@ -115,7 +114,7 @@ class TargetPhase:
         shape = shown_q.shape[:2]
         at_nodes, place = np.empty((*shape, 4)), np.empty(shape)
         _look_up(windowed, shown_q, per_row, sight.upwards, at_nodes, place)
-        return cls(whole, windowed, diagonal, at_nodes, place, lit, sight)
+        return cls(whole, diagonal, at_nodes, place, lit, sight)
 
     @property
     def rad(self) -> Float:

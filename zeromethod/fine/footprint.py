@@ -3,7 +3,8 @@
 A pixel sees the mean of the mirror over the footprint of the camera's pupil, an ellipse that varies slowly
 over the view: in waves, depth is multiplied by F = 2 J1(r) / r, r = |M' k| (`optics.pupil`), which reaches 0.
 It is divided by it as far as that does not multiply noise: by G = F / (F^2 + (c (1 - F))^2), which is 1 for
-waves much longer than the footprint. As seen through the pupil, depth has what is left of it when it is
+waves much longer than the footprint, and 0 for those beyond the first at which F is 0: of those the pupil
+shows at most an eighth, inverted. As seen through the pupil, depth has what is left of it when it is
 multiplied by F again: waves that no pupil shows are noise. The lens blurs what the shown picture leaves of
 the displacement, not what it nulls, so that this is sharpened in the displacement itself.
 
@@ -19,7 +20,7 @@ from collections.abc import Iterator
 import cv2
 import numpy as np
 from scipy.fft import dctn, idctn, next_fast_len
-from scipy.special import j1
+from scipy.special import j1, jn_zeros
 
 from zeromethod.arrays import Float, Mask, Single
 from zeromethod.fine.lattice import PixelLattice
@@ -29,7 +30,10 @@ from zeromethod.rig.model import Rig
 
 NOISE_LIMIT = 0.15
 """C above: noise is multiplied by 1 / (2 c) = 3.3 at most."""
+_FIRST_ZERO = float(jn_zeros(1, 1)[0])
+"""Least r at which F is 0."""
 _PIXEL_PX2 = 1 / 12
+"""Variance of a camera pixel's square, px^2."""
 _SINE_6 = np.array([-1.0, 6.0, -15.0, 20.0, -15.0, 6.0, -1.0]) / 64.0
 """Weights of pixels by which cosines are multiplied by sin^6(k / 2)."""
 _SHORT_WAVES = 0.35
@@ -44,9 +48,10 @@ def response(radius: Float) -> Float:
     return np.asarray(2.0 * j1(r) / r)
 
 
-def regularised_inverse(share: Float) -> Float:
-    """G of the module for F."""
-    return np.asarray(share / (share**2 + (NOISE_LIMIT * (1.0 - share)) ** 2))
+def regularised_inverse(radius: Float) -> Float:
+    """G of the module for r."""
+    share = response(radius)
+    return np.where(radius < _FIRST_ZERO, share / (share**2 + (NOISE_LIMIT * (1.0 - share)) ** 2), 0.0)
 
 
 def _smoothing(rig: Rig, optics: Optics) -> list[Float]:
@@ -114,8 +119,8 @@ class Footprint:
 
     def _gain(self, across: float, down: float, k_across: Float, k_down: Float) -> Float:
         """G, or F G, (rows, cols) of the cosines for a footprint of these half widths, px."""
-        share = response(np.hypot(across * k_across, (down * k_down)[:, None]))
-        return regularised_inverse(share) * (1.0 if self.divides else share)
+        radius = np.hypot(across * k_across, (down * k_down)[:, None])
+        return regularised_inverse(radius) * (1.0 if self.divides else response(radius))
 
     def without_grid(self, d: Single, usable: Mask) -> Single:
         """Displacement (rows, cols, 2), px, without the LCD's pixels, and the lens's and the camera's blur.

@@ -17,7 +17,9 @@ import numpy as np
 from zeromethod.arrays import Float, Mask, Single
 
 MOST_DEGREE = 3
+"""Largest degree of the polynomial in time."""
 POOL_NODES = 9
+"""Nodes along each side over which scatter is averaged."""
 INDEPENDENT = 9.0
 """Nodes that share their noise, as their windows overlap (`warp.overlap.shared_nodes`)."""
 _BROAD_NODES = 13

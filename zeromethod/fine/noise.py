@@ -1,12 +1,8 @@
 """Noise of the fine depth, in closed form.
 
 Slopes of independent pixels, integrated by least squares on a rectangle: every cosine of the transform gets
-noise of its own, of variance v. A pixel's depth less the mean with the anchor's weights then has
-
-    variance = sum v (c - a)^2 = sum v c^2 - 2 sum v a c + sum v a^2
-
-over all cosines, c their value at the pixel and a the anchor's mean. The first sum is a cosine transform of v
-itself, as c^2 is a cosine of twice the frequency; the second is one of v a.
+noise of its own, of variance v. A pixel's depth has the variance sum v c^2 over all cosines, c their value at
+the pixel. Waves that the sensing window passes are in the nodes' noise already; the others are summed here.
 """
 
 from __future__ import annotations
@@ -15,7 +11,6 @@ import math
 from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
-from scipy.fft import dctn, idctn
 
 from zeromethod.arrays import Float, Mask, Single
 from zeromethod.fine.integrate import eigenvalues
@@ -56,19 +51,8 @@ def wave_variance(
     return np.asarray(noise / total**2)
 
 
-def depth_variance(wave: Float, anchor: Float) -> Float:
-    """Variance (rows, cols), mm^2, of depth less its mean with the anchor's weights, which add up to 1.
-
-    wave: `wave_variance`.
-    """
-    own = _squares(wave)
-    of_anchor = dctn(anchor, norm="ortho")
-    shared = idctn(wave * of_anchor, norm="ortho")
-    return np.asarray(np.maximum(own - 2.0 * shared + float((wave * of_anchor**2).sum()), 0.0))
-
-
-def _squares(wave: Float, every: int = 1) -> Float:
-    """Sum over all orthonormal cosines of v c^2, (rows, cols), of so many pixels in the middle of each."""
+def _squares(wave: Float, every: int) -> Float:
+    """Sum over all orthonormal cosines of v c^2, (rows, cols), at the middle of every `every` pixels."""
     out = wave
     for axis, count in enumerate(wave.shape):
         k, x = np.arange(count), np.minimum(np.arange(every // 2, count + every // 2, every), count - 1)

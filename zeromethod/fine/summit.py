@@ -13,6 +13,7 @@ import numpy as np
 from zeromethod.arrays import Float, Mask, Single
 
 _SMOOTH_PX = 5
+"""Side of the square whose mean depth says where the deepest pixel is."""
 _LEAST_PX = 4
 """Half width of the least square of pixels: a fifth of a millimetre on the packaged bench."""
 _TOPS = 0.7, 0.85, 0.93
@@ -21,6 +22,7 @@ _NOISES, _SHARE = 4.0, 5e-5
 """Most that a quartic may miss a top by, rms: so many times what it misses the least square by (noise alone,
 which has every wavelength, makes 2.6 to 3.4 over a top of 8,000 pixels), or a share of the depth."""
 _MOST_PIXELS = 20_000
+"""Pixels of a top that are fitted, evenly chosen."""
 _PLACES = 41
 """Places along each side at which the quartic is looked at."""
 

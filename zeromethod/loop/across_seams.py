@@ -1,8 +1,9 @@
-"""Order of the carrier across a saw's seams: where the picture goes on, it does too.
+"""Order of the carrier across the seams of a saw, found from the mirror's slopes on both sides.
 
-Neighbours settle the order of neighbours, but at a seam they may not: what a window reads that sees both
-sides is neither's. So each row says by how many periods the slopes after a seam do not go on in a line,
-where the mirror bends so little that a line says it; most rows of a seam must say the same.
+Elsewhere the order goes from node to node (`sensing.unwrap`). A node at a seam cannot pass it on, as its
+window mixes the pictures of two teeth. But the mirror itself is continuous: its slope, continued along a row
+in a straight line over the seam, differs from the slope read beyond it by whole periods. Each row with little
+curvature votes for a number of periods, and most rows of a seam must agree.
 """
 
 from __future__ import annotations
@@ -19,16 +20,16 @@ from zeromethod.warp.seams import SeamMap
 from zeromethod.warp.validity import Flag
 
 _MOST_NODES = 24
-"""Nodes of a row that a seam may take; dark of more is something else."""
+"""Largest gap, nodes of a row, that counts as a seam; a wider dark place has another cause."""
 _CLEAR, _BENT = 0.25, 0.1
-"""Periods within which a row says a whole number of them; and by which the rise at a seam's very edges may
-say otherwise than a node further off, which is half of what a line is off by (the third derivative)."""
-_LEAST_ROWS, _MOST_SAY = 5, 0.75
-"""Rows that say how many, and share of these that must agree."""
+"""Periods: a row votes if what it finds is this close to a whole number; and if the curvature next to the gap
+changes the straight line's answer by less than this (half of a line's error by the third derivative)."""
+_LEAST_ROWS, _AGREEING_SHARE = 5, 0.75
+"""Least number of rows that vote, and share of them that must agree."""
 _SAME = 0.1
-"""Periods from what was expected, or whole ones more, up to which a node has not moved."""
+"""Distance, periods, from the expected place or whole periods away, within which a node has not moved."""
 _ORDERS = 8
-"""Periods, at most, that are told apart."""
+"""Largest number of periods that is looked for."""
 _UNKNOWN = _ORDERS + 1
 
 
@@ -44,9 +45,10 @@ def _gap_end(valid: Mask, seams: Ints, first: int) -> tuple[int, int]:
 
 @numba.njit(cache=True)
 def _off_line(slope: Float, x: Float, valid: Mask, first: int, end: int) -> tuple[float, float]:
-    """By how much one row's slope does not go on in a line over a gap; and what its rise at the edges says.
+    """Difference of one row's slope beyond a gap from its straight continuation, and its error by curvature.
 
-    NaN where three nodes on either side are not all known.
+    The slope is taken to go on in a line from both sides to the gap's middle. Same unit as `slope`; NaN where
+    three nodes on either side are not all known.
     """
     if end - first + 1 > _MOST_NODES or first < 3 or end > len(valid) - 3:
         return np.nan, np.nan
@@ -61,7 +63,7 @@ def _off_line(slope: Float, x: Float, valid: Mask, first: int, end: int) -> tupl
 
 @numba.njit(cache=True)
 def _votes(slope: Float, x: Float, valid: Mask, seams: Ints, votes: Ints) -> None:
-    """Into `votes` (seams + 1, orders) how many rows say that each seam's far side is so many periods off."""
+    """Count in `votes` (seams + 1, orders) the rows by the periods that each seam's far side is off."""
     for j in range(valid.shape[0]):
         i = 0
         while i < valid.shape[1]:
@@ -76,7 +78,7 @@ def _votes(slope: Float, x: Float, valid: Mask, seams: Ints, votes: Ints) -> Non
 
 @numba.njit(cache=True)
 def _join(slope: Float, x: Float, valid: Mask, seams: Ints, orders: Ints, out: Mask) -> None:
-    """Into `out` nodes of rows between valid ones on either side of a seam of order 0 that go on in line."""
+    """Mark in `out` the nodes of seams of order 0 over which a row's slope goes on in a straight line."""
     for j in range(valid.shape[0]):
         i = 0
         while i < valid.shape[1]:
@@ -88,7 +90,7 @@ def _join(slope: Float, x: Float, valid: Mask, seams: Ints, orders: Ints, out: M
 
 @numba.njit(cache=True)
 def _added_up(seams: Ints, orders: Ints) -> Ints:
-    """Periods (rows, cols) by which nodes are off, with those before the first seam of their row at 0."""
+    """Periods (rows, cols) by which nodes are off: sums of the orders of all seams before them in a row."""
     out = np.zeros(seams.shape, np.int64)
     for j in range(seams.shape[0]):
         total, before = 0, 0
@@ -102,11 +104,12 @@ def _added_up(seams: Ints, orders: Ints) -> Ints:
 
 
 class _Rows:
-    """Rows of the measurable nodes of one frame: the mirror's slopes, and where a seam is.
+    """Slopes of the mirror and seams at the measurable nodes of one frame.
 
-    slopes: (2, rows, cols) in periods of the carriers, as which a seam leaves them whole: rays on either side
-    of it are not as long. seams: (rows, cols) by number, 0 for none. orders: (2, seams + 1) periods by which
-    what is after each is off; `_UNKNOWN` where rows do not say.
+    slopes: (2, rows, cols) in the slope that moves the picture by one period, so that an error of the order
+    changes them by whole numbers although rays on the two sides of a seam differ in length. seams: (rows,
+    cols) number of the seam, 0 for none. orders: (2, seams + 1) periods by which nodes beyond each seam are
+    off; `_UNKNOWN` where rows do not agree.
     """
 
     def __init__(self, q: Float, flags: Flags, rest: Rest, seams: SeamMap) -> None:
@@ -126,12 +129,12 @@ class _Rows:
         for slope, of_axis in zip(self.slopes, votes, strict=True):
             _votes(slope, self.x_mm, self.valid, self.seams, of_axis)
         total = votes.sum(axis=-1)
-        known = (votes.max(axis=-1) >= _MOST_SAY * total) & (total >= _LEAST_ROWS)
+        known = (votes.max(axis=-1) >= _AGREEING_SHARE * total) & (total >= _LEAST_ROWS)
         self.orders: Ints = np.where(known, votes.argmax(axis=-1) - _ORDERS, _UNKNOWN)
 
 
 def _off_expected(away: Float, valid: Mask, parts: Ints) -> tuple[Ints, Mask]:
-    """Periods (parts,) by which most nodes of each part are off what was expected; whether they say so.
+    """Periods (parts,) by which most nodes of each part differ from the expected; whether they agree.
 
     away: (rows, cols) periods from what was expected, NaN for nothing. parts: (rows, cols) by number.
     """
@@ -156,14 +159,15 @@ def at_seams(q: Float, rest: Rest) -> Mask:
     return seam
 
 
-def settle(
+def settle_order(
     residual: Residual, shown_q: Float, expected_px: Float, rest: Rest, blind: Mask | None = None
 ) -> None:
     """Bring `residual.d`, in place, to one order over all seams.
 
-    In a mirror that rests that of what was expected, (rows, cols, 2) camera px, NaN for nothing. Else what
-    rows say, on the side by whose order most nodes are near the null. blind: (rows, cols) nodes that see a
-    seam, or may see the fringes of a burst, which say nothing and cut teeth in pieces; None for none.
+    Where the mirror has not moved, the order is that of expected_px (rows, cols, 2), camera px, NaN where
+    nothing is expected. Otherwise it follows from the rows' votes, counted from the tooth that brings most
+    nodes nearest to the null. blind: (rows, cols) nodes without a reading of their own, at seams or under the
+    fringes of a burst; they cut teeth into pieces. None for none.
     """
     if rest.seams is None:
         return
@@ -177,8 +181,8 @@ def settle(
     teeth = _added_up(rows.seams, np.ones(rows.orders.shape[1], np.int64))
     away = (d - expected_px[rest.grid.inner]) / period_px
     for axis, orders in enumerate(rows.orders):
-        by_tooth, rests = _off_expected(away[..., axis], rows.valid, teeth)
-        if rests.all():
+        by_tooth, still = _off_expected(away[..., axis], rows.valid, teeth)
+        if still.all():
             by_piece, says = _off_expected(away[..., axis], rows.valid, pieces)
             d[..., axis] -= period_px * np.where(says[pieces], by_piece[pieces], by_tooth[teeth])
         elif (orders % _UNKNOWN != 0).any():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from zeromethod.control.composition import Controller
+from zeromethod.control.controller import Controller
 from zeromethod.errors import InputError
 from zeromethod.loop.drawing import Drawing
 from zeromethod.pattern import Target

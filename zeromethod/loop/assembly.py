@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from zeromethod.control.controller import controller_of
 from zeromethod.devices.protocols import Frame
 from zeromethod.exposure.delay import DelayWatch
 from zeromethod.exposure.exposures import Exposures
@@ -13,7 +14,7 @@ from zeromethod.exposure.pairing import PanelTiming
 from zeromethod.exposure.strip_reading import StripReader, find_strips
 from zeromethod.exposure.target_phase import Sight
 from zeromethod.loop.burst import Burst
-from zeromethod.loop.circle import Circle, Sensor, controller_of
+from zeromethod.loop.circle import Circle
 from zeromethod.loop.order_check import OrderCheck
 from zeromethod.loop.panel_blur import PanelBlur
 from zeromethod.loop.unsteady_nodes import UnsteadyNodes
@@ -22,7 +23,7 @@ from zeromethod.pattern import Target
 from zeromethod.pattern.stepping import shift_of
 from zeromethod.pattern.strips import Strips
 from zeromethod.rig.model import Rig
-from zeromethod.sensing.sensor import ResidualSensor
+from zeromethod.sensing.sensor import ResidualSensor, Sensor
 from zeromethod.surface.expected_light import ExpectedLight
 from zeromethod.surface.lamp_light import LampLight
 from zeromethod.warp.rest import Rest

@@ -26,48 +26,49 @@ from zeromethod.warp.validity import Flag
 from zeromethod.warp.warp import Warp
 
 LEAST_NODES = 8
-"""Nodes that cannot be nulled from which a burst is needed."""
+"""Number of nodes that cannot be nulled from which on a burst is needed."""
 
 MOVES_SHARE, BROKEN_FRAMES = 0.02, 30
-"""Share of the pixels that may have moved between pictures before a burst is broken off, and frames that the
-mirror is left alone after that."""
+"""A burst is broken off when more than this share of the pixels moves between its pictures; the next one
+begins this many frames later at the earliest."""
 
 LONGEST_S = 5.0
-"""A burst that takes longer, as no exposure sees its pictures alone, is broken off."""
+"""A burst that takes longer is broken off: no exposure sees one of its pictures alone."""
 
 QUIET_LCD_PX, QUIET_SHARE, QUIET_FRAMES = 0.1, 0.9, 24
-"""Where other nodes stay to within this, for so many of them, for so many frames, the mirror is at rest."""
+"""The mirror is at rest when this share of the other nodes moves less than this, for this many frames."""
 
 MOVED_LCD_PX, MOVED_FROM, OLD_S = 0.05, 0.75, 5.0
-"""Change of the nodes around, or of a quarter of those inside that see the carrier, from which what was read
-is over; and time after which it is read again: a picture that follows it may hide what changes inside."""
+"""What was read is dropped when the nodes around it, or those inside that see the carrier, move by more than
+this (upper quartile). It is read again after OLD_S in any case: the picture drawn by it may hide a change."""
 
 CARRIED = 3.0
-"""What the nodes inside may have moved by over what those around have."""
+"""Possible motion of the nodes inside, over the motion seen around them; it widens their sigma."""
 
 RING_NODES = 4
-"""Nodes around those that are read that are watched."""
+"""Width of the ring of nodes around those read, whose motion is watched."""
 
 SPARE_NODES = 3
-"""Nodes around that are read, too, as they see fringes: some may fail once what was read is drawn."""
+"""Width of the ring of nodes that are read as spares: some may fail once what was read is drawn."""
 
 BLIND_NODES = 2
 """A node this close to one that sees fringes has them in its window."""
 
 MARGIN_LCD_PX, MARGIN_SHARE = 8.0, 0.25
-"""By how much a part of the LCD is larger than its nodes are thought to see: and by displacement."""
+"""Margin of a part of the LCD around the places where its nodes are thought to look: this many px, and this
+share of their displacement."""
 
 EDGE_LCD_PX = 4.0
-"""A pixel that looks so close to the end of a part may see the picture beside it, too: 2 LCD px off."""
+"""Pixels that look this close to the end of a part are not used: they may also see the picture next to it."""
 
-HELD_LCD_PX = 0.03
-"""What a node that sees fringes, and was known before, may have moved by since, with all others at rest."""
+KEPT_LCD_PX = 0.03
+"""Possible motion of a node that sees fringes, since it was known, while all other nodes are at rest."""
 
 _ALL = 0.999
-"""Share of the nodes around a pixel, by nearness, that must have been known for it to be."""
+"""Share of the nodes around a pixel, weighted by nearness, that must be known for the pixel's place to be."""
 
 _PURE = 5e-3
-"""Most light of another picture in an exposure that saw one alone."""
+"""Largest share of another picture's light in an exposure that counts as of one picture alone."""
 
 _CANNOT, _CODED = np.uint16(CANNOT), np.uint16(Flag.CODED)
 
@@ -102,7 +103,7 @@ class _Running:
     def __init__(self, rest: Rest, need: Mask, thought: Float, measured: Warp) -> None:
         """need: (rows, cols) nodes that cannot be nulled. thought: (rows, cols, 2) LCD px, where all look."""
         self.known, self.thought = measured.valid & ~need, thought
-        self.sigma: Float = np.hypot(measured.sigma, HELD_LCD_PX)
+        self.sigma: Float = np.hypot(measured.sigma, KEPT_LCD_PX)
         grid = rest.grid
         region = joined_to(self.known, need, grid.measurable)
         count, labels, stats, _ = cv2.connectedComponentsWithStats(region.astype(np.uint8), connectivity=8)
@@ -196,7 +197,7 @@ class Burst:
         """What the last one read, until the mirror moves."""
         self.unread = False
         """Whether nodes wait for a burst that none has read, or one is under way for them."""
-        self.lamp = False
+        self.lamp_image = False
         """Whether these have more light than at rest: a lamp's image, whose edges are no folds."""
         self.waits = False
         """Whether none may begin, and one under way ends: something is about to touch."""
@@ -278,7 +279,7 @@ class Burst:
         again = self._always or (self.read is not None and measured.time_ns > self.read.time_ns + 1e9 * OLD_S)
         # what failed for some frames only, as after a sudden press, is no reason to wait any more
         self.unread = int(np.count_nonzero(new & failing)) >= LEAST_NODES
-        self.lamp = self.unread and self._failing.brighter(residual, new & failing)
+        self.lamp_image = self.unread and self._failing.brighter(residual, new & failing)
         wanted = need if again else new
         if not self._always:
             wanted = wanted & self._failing.lasting
@@ -293,9 +294,9 @@ class Burst:
         return quiet_share(measured.q, thought, measured.flags, apart, QUIET_LCD_PX) > QUIET_SHARE
 
     def merge(self, measured: Warp) -> Mask | None:
-        """Put what is known otherwise into a measured warp; the nodes (rows, cols) of that, None for none."""
+        """Put into a measured warp what bursts have read; returns those nodes (rows, cols), None for none."""
         if self._blinding is not None:
-            return self._hold(self._blinding, measured)
+            return self._keep_known(self._blinding, measured)
         read = self.read
         if read is None:
             return None
@@ -312,7 +313,7 @@ class Burst:
         measured.flags[nodes] = 0
         return nodes
 
-    def _hold(self, burst: _Running, measured: Warp) -> Mask:
+    def _keep_known(self, burst: _Running, measured: Warp) -> Mask:
         """Keep what was known of nodes that see fringes; the others are flagged."""
         held: Mask = burst.blind & burst.known
         measured.q[held], measured.sigma[held], measured.flags[held] = (
@@ -325,9 +326,9 @@ class Burst:
 
 
 def _moved2(measured: Warp, before: Float, sigma: Float, nodes: Mask) -> float:
-    """Square by which a quarter of the valid ones of some nodes have moved, beyond noise, LCD px^2.
+    """Upper quartile of the squared motion of some nodes, noise taken off, LCD px^2.
 
-    A few that differ more are at the edge of what can be nulled. Infinite where too few are valid.
+    Single nodes that differ more lie at the edge of what can be nulled. Infinite where too few are valid.
     """
     watched = nodes & measured.valid
     if np.count_nonzero(watched) < LEAST_NODES:

@@ -10,70 +10,41 @@ frame -> observation   what was shown while it was exposed         exposure/
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
-from zeromethod.arrays import Float, Image, Mask, Single
-from zeromethod.control.composition import Composition, Controller
-from zeromethod.control.integrator import Integrator
-from zeromethod.control.passive import Passive
+from zeromethod.arrays import Float, Mask
+from zeromethod.control.controller import Controller
 from zeromethod.control.velocity import Horizon
 from zeromethod.devices.protocols import Frame
 from zeromethod.exposure.exposures import Exposures, Unpaired
 from zeromethod.exposure.pairing import Observation
+from zeromethod.loop.beside_dark import BesideDark
 from zeromethod.loop.burst import Burst
 from zeromethod.loop.events import Event
-from zeromethod.loop.light_hold import LightHold
 from zeromethod.loop.light_quality import LightWatch
 from zeromethod.loop.lost_light import LostLight
-from zeromethod.loop.measured_warp import Known, expect, measure_warp, unmixed
+from zeromethod.loop.measured_warp import Expected, expect, measure_warp, unmixed
 from zeromethod.loop.node_figures import node_figures
 from zeromethod.loop.order_check import Order, OrderCheck
 from zeromethod.loop.panel_blur import PanelBlur
-from zeromethod.loop.rest_memory import rests
+from zeromethod.loop.rest_memory import is_at_rest
 from zeromethod.loop.state import LOCK_RESIDUAL_PX
 from zeromethod.loop.unsteady_nodes import UnsteadyNodes
 from zeromethod.pattern.coded import Coded
-from zeromethod.rig.model import ControlSpec
 from zeromethod.sensing.residual import Residual
+from zeromethod.sensing.sensor import Sensor
 from zeromethod.surface.expected_light import ExpectedLight
 from zeromethod.warp.continuation import continue_smoothly
 from zeromethod.warp.rest import Rest
 from zeromethod.warp.warp import Role, Warp
 
-MOVED_LCD_PX = 0.5
-"""Where a node moved further between frames, and the light follows the slope, the image is read a second
-time under the light that the first reading predicts: else a slide of 10 mm/s loses nodes at the kink of the
+READ_AGAIN_LCD_PX = 0.5
+"""Motion of a node between frames above which, where the light follows the slope, the image is read a second
+time, under the light that the first reading predicts: else a slide of 10 mm/s loses nodes at the kink of the
 light, and 2 % of the peak with them."""
 
 _REFUSALS = {Unpaired.CONTRADICTED: Event.STRIPS_CONTRADICT, Unpaired.NOT_LIT: Event.NOT_LIT}
-
-
-class Sensor(Protocol):
-    """What turns an image into the residual."""
-
-    def measure(
-        self,
-        image: Image,
-        guess: Float | None = None,
-        continued: Float | None = None,
-        *,
-        light_share: Single | None = None,
-        target_rad: Float | None = None,
-    ) -> Residual:
-        """Residual of a (rows, cols) image; guess: (rows, cols, 2) px expected, NaN = none.
-
-        continued: the same of all nodes. light_share: (rows, cols) of the image, light expected over that at
-        rest; None = as at rest.
-        target_rad: (rows, cols, 2) known phase of the target along its two carriers; None = 0.
-        """
-
-    def set_reference(self, residual: Residual | None) -> None:
-        """Take the brightness to hold later frames against from a residual; None forgets."""
-
-    def scale_reference(self, ratio: float) -> None:
-        """Expect this many times the light, as of another exposure."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +56,7 @@ class FrameResult:
     nodes. valid_share, covered_share: those valid, and those without light, of the nodes visible at rest.
     order: whether it is known which period of the carrier is seen, is being found, or cannot be. coded: the
     frame may have seen coded pictures in places. unread: nodes that no burst has read wait for one, or one
-    is under way for them. lamp: they have more light than at rest.
+    is under way for them. lamp_image: they have more light than at rest.
     """
 
     changed: bool = False
@@ -99,31 +70,19 @@ class FrameResult:
     order: Order = Order.KNOWN
     coded: bool = False
     unread: bool = False
-    lamp: bool = False
+    lamp_image: bool = False
 
     @property
     def believed(self) -> Warp | None:
-        """The measured warp, but not of mixed pictures: a part of it may be right, its peak need not be.
-
-        Nor one that may be whole periods off.
-        """
+        """The measured warp, None where its peak may be wrong: of mixed pictures, or whole periods off."""
         mixed = self.refusal is Event.PICTURES_MIXED
         return None if mixed or self.order is not Order.KNOWN else self.measured
 
-
-def from_zero(result: FrameResult, zero: Float | None) -> Warp | None:
-    """The warp that may be believed less a zero (rows, cols, 2), LCD px, with what was left to null."""
-    measured = result.believed
-    if measured is None or result.observation is None or result.residual is None:
-        return None
-    return measured.less(zero).with_left(result.observation.shown.q, zero, result.residual.valid)
-
-
-def controller_of(control: ControlSpec, rest: Rest) -> Controller:
-    """Make the controller that the rig asks for."""
-    if control.controller == "integrator":
-        return Integrator(rest, control.gain, control.leak)
-    return (Passive if control.passive else Composition)(rest, control.gain)
+    def measured_from(self, zero: Float | None) -> Warp | None:
+        """The believed warp less a zero (rows, cols, 2), LCD px, with what was left to null; to be read."""
+        if self.believed is None or self.observation is None or self.residual is None:
+            return None
+        return self.believed.less(zero).with_left(self.observation.shown.q, zero, self.residual.valid)
 
 
 class Circle:
@@ -157,7 +116,7 @@ class Circle:
         self._sensor = sensor
         self._light_watch = LightWatch(rest.visible, black_grey)
         self._exposure_ns = 0
-        self._hold = LightHold(rest.flags.shape, rest.grid.period_px)
+        self._beside_dark = BesideDark(rest.flags.shape, rest.grid.period_px)
         self._lost_light = LostLight(rest.flags.shape, rest.grid.period_px, black_grey)
         self._expected_light = expected_light
         self._panel_blur = panel_blur
@@ -166,7 +125,7 @@ class Circle:
         self._unsteady = unsteady
         self._horizon = Horizon(exposures.timing.upwards)
         self._source_ns: int | None = None
-        self._unlearned: tuple[Float, Float, Residual, Mask, float] | None = None
+        self._pending: tuple[Float, Float, Residual, Mask, float] | None = None
         # At rest the order of every node is known: it is that of the rest map.
         self._trusted = rest.visible
 
@@ -187,7 +146,7 @@ class Circle:
 
     @property
     def horizon_s(self) -> float:
-        """From a frame's mid-exposure to that of those that see what was made of it; NaN: not known yet."""
+        """Delay from the mid-exposure of a frame to that of those that see its picture; NaN: unknown."""
         age_s = self._horizon.age_s
         return float("nan") if age_s is None else float(age_s.mean())
 
@@ -217,27 +176,27 @@ class Circle:
 
     def take(self, frame: Frame, frozen: bool = False) -> FrameResult:
         """Take one frame round the circle; the command stays as it is where `frozen`."""
-        self.settle()
+        self.learn_pending()
         self._expect_light(frame.exposure_ns)
         known_q = self.controller.estimate
         observation = self.exposures.observe(frame, known_q)
         if isinstance(observation, Unpaired):
             return FrameResult(refusal=_REFUSALS[observation])
         self._horizon.learn(observation.age_ns)
-        known = expect(observation, known_q, self._trusted, self.rest)
-        residual, measured = self._measure(observation, known, known_q)
+        expected = expect(observation, known_q, self._trusted, self.rest)
+        residual, measured = self._measure(observation, expected, known_q)
         if self._light_watch.is_off(residual.mean):
             return FrameResult(refusal=Event.LIGHT_OFF)
         drawn = self._commanded_q
-        order, settled = self._carrier_order(observation, residual, known, frozen)
+        order, settled = self._carrier_order(observation, residual, expected, frozen)
         if settled is not None:
-            known = settled
-            residual, measured = self._measure(observation, known, known_q)
+            expected = settled
+            residual, measured = self._measure(observation, expected, known_q)
         if self._expected_light is not None and _has_moved(measured, known_q):
             continued = continue_smoothly(measured.q - self.rest.q, measured.valid)
-            residual, measured = self._measure(observation, known, self.rest.q + continued)
+            residual, measured = self._measure(observation, expected, self.rest.q + continued)
         if self.burst is None or not self.burst.blinding:
-            self._hold.learn(measured.flags)
+            self._beside_dark.learn(measured.flags)
         redraw, read = self._coded(observation, residual, measured, known_q, frozen)
         refusal = self._command(residual, measured, frozen)
         changed = redraw or self._commanded_q is not drawn
@@ -245,14 +204,25 @@ class Circle:
         nulled = valid if read is None else valid & ~read
         square, share, covered = node_figures(residual.d, nulled, valid, self.rest.visible, measured.flags)
         rms_px = float(np.sqrt(square))
-        self._unlearned = observation.shown.q, self.rest.q, residual, valid, rms_px
+        self._pending = observation.shown.q, self.rest.q, residual, valid, rms_px
         near = frozen and rms_px < LOCK_RESIDUAL_PX
-        if near and rests(measured.q, self.rest.q, measured.sigma, measured.valid):
-            self._lost_light.learn(residual)  # no state of the loop says so
-        seen = residual, measured, rms_px, share, covered
+        if near and is_at_rest(measured.q, self.rest.q, measured.sigma, measured.valid):
+            self._lost_light.learn(residual)  # a frozen loop never reaches the state RESTING
         burst = self.burst
-        coded = (False,) * 3 if burst is None else (burst.blinding, burst.unread, burst.lamp)
-        return FrameResult(changed, refusal, observation, *seen, order, *coded)
+        return FrameResult(
+            changed=changed,
+            refusal=refusal,
+            observation=observation,
+            residual=residual,
+            measured=measured,
+            residual_rms_px=rms_px,
+            valid_share=share,
+            covered_share=covered,
+            order=order,
+            coded=burst is not None and burst.blinding,
+            unread=burst is not None and burst.unread,
+            lamp_image=burst is not None and burst.lamp_image,
+        )
 
     def expect_touch(self, expected: bool) -> None:
         """Keep coded pictures away while a touch is expected: its first frame is to be measured."""
@@ -267,20 +237,20 @@ class Circle:
             self._light_watch.scale(ratio)
         self._exposure_ns = exposure_ns
 
-    def settle(self) -> None:
-        """Learn from the last frame what only later ones need: best once its command was given away."""
-        learnt, self._unlearned = self._unlearned, None
-        if learnt is not None and self._panel_blur is not None:
-            self._panel_blur.learn(*learnt)
+    def learn_pending(self) -> None:
+        """Learn from the last frame what only later frames need; its command need not wait for that."""
+        pending, self._pending = self._pending, None
+        if pending is not None and self._panel_blur is not None:
+            self._panel_blur.learn(*pending)
 
     def _carrier_order(
-        self, observation: Observation, residual: Residual, known: Known, frozen: bool
-    ) -> tuple[Order, Known | None]:
+        self, observation: Observation, residual: Residual, expected: Expected, frozen: bool
+    ) -> tuple[Order, Expected | None]:
         """Whether the carrier's order is known, and what the frame is to be held against if just now."""
         check = self._order_check
         if check is None:
             return Order.KNOWN, None
-        settled = None if frozen else check.look(observation, residual, known)
+        settled = None if frozen else check.look(observation, residual, expected)
         return check.order(observation.shown.time_ns), settled
 
     def _coded(
@@ -295,23 +265,23 @@ class Circle:
         redraw = burst.take(observation.frame.image, observation, residual, measured, known_q)
         return redraw, burst.merge(measured)
 
-    def _measure(self, observation: Observation, known: Known, lit_q: Float) -> tuple[Residual, Warp]:
+    def _measure(self, observation: Observation, expected: Expected, lit_q: Float) -> tuple[Residual, Warp]:
         """Residual and measured warp under the light that a mirror seen at `lit_q` reflects."""
-        residual = self._sense(observation, known, lit_q)
+        residual = self._sense(observation, expected, lit_q)
         blind = None if self.burst is None else self.burst.blinds(observation)
-        parts = self.rest, self._panel_blur, self._hold
-        return residual, measure_warp(observation, residual, known, *parts, blind=blind)
+        parts = self.rest, self._panel_blur, self._beside_dark
+        return residual, measure_warp(observation, residual, expected, *parts, blind=blind)
 
-    def _sense(self, observation: Observation, known: Known, lit_q: Float) -> Residual:
+    def _sense(self, observation: Observation, expected: Expected, lit_q: Float) -> Residual:
         """Residual against the mix that was shown."""
         bias_px = None if observation.mixture is None else observation.mixture.bias_px
         moved = 0.0 if bias_px is None else bias_px
-        guesses = known.residual_px + moved, known.continued_px + moved
+        guesses = expected.residual_px + moved, expected.continued_px + moved
         light = None if self._expected_light is None else self._expected_light.share(lit_q)
         target = None if observation.target is None else observation.target.node_rad
         seen = self._sensor.measure(observation.frame.image, *guesses, light_share=light, target_rad=target)
         residual = unmixed(seen, observation, self.rest.grid)
-        self._lost_light.open(residual)
+        self._lost_light.widen_sigma(residual)
         return residual
 
     def _command(self, residual: Residual, measured: Warp, frozen: bool) -> Event | None:
@@ -345,6 +315,6 @@ class Circle:
 
 
 def _has_moved(measured: Warp, known_q: Float) -> bool:
-    """Whether the mirror moved so far since it was known that the light predicted from then misleads."""
+    """Whether any valid node moved so far that the light predicted from the frame before misleads."""
     valid = measured.valid
-    return bool(valid.any() and np.abs(measured.q[valid] - known_q[valid]).max() > MOVED_LCD_PX)
+    return bool(valid.any() and np.abs(measured.q[valid] - known_q[valid]).max() > READ_AGAIN_LCD_PX)

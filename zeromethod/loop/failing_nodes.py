@@ -18,13 +18,15 @@ from zeromethod.warp.validity import Flag
 from zeromethod.warp.warp import Warp
 
 FAILING_FRAMES, MOST_FRAMES = 2, 12
-"""For how many frames a failure is remembered, and the failures of a node that fails now and then."""
+"""A failure is remembered for this many frames; repeated failures of one node for up to this many."""
 
 LASTING_FRAMES = 4
-"""The same of a node that fails in more than a third of the frames: what fails less often is read without."""
+"""Remembered failure, in frames, that makes it lasting: a node fails in more than a third of the frames. What
+fails less often is read by the carrier."""
 
 DIRTY_FRAMES = 4
-"""Frames in which a node failed where the mirror is flat after which it is never one to be read."""
+"""A node that failed in this many frames where the mirror is flat is dirty, and never read by coded
+pictures."""
 
 BENT_LCD_PX = 2.0
 """Difference of where nodes near each other look, from rest, below which the mirror is too flat to fold.
@@ -35,25 +37,25 @@ EDGE_NODES = 2
 """A node this close to one that is dark at rest may fail when a press moves the edge of the light."""
 
 LIT_SHARE = 0.3
-"""Mean light over that at rest from which a node sees the LCD at all."""
+"""Mean light over that at rest above which a node sees the LCD at all."""
 
 BRIGHTER = 1.02
-"""Light over that at rest, over the same of other nodes, behind a lamp: folds have no more than others."""
+"""Nodes behind a lamp's image gained this much more light since rest than others; nodes of a fold did not."""
 
 REACH_NODES = 3
-"""Nodes around that join failing ones to a patch."""
+"""Failing nodes this close to each other make one patch."""
 
 FURTHER = 3
-"""How often a patch that touches no known node is made larger: an edge of the light takes five columns."""
+"""How often a patch that touches no known node is enlarged: an edge of the light disturbs five columns."""
 
 SEAM_NODES = 6
-"""Nodes next to a saw's seam that it may take where the mirror slopes."""
+"""Width, in nodes, by which a saw's seam may grow where the mirror slopes."""
 
 GROWS_SHARE = 0.1
-"""Share of the nodes that failed for the first time since the mirror is at rest from which more will."""
+"""If more than this share of the failing nodes failed for the first time, more are going to."""
 
 CANNOT = int(Flag.MODULATION | Flag.LIGHT_LOST | Flag.FOLDED | Flag.UNDRAWABLE | Flag.AMBIGUOUS)
-"""Of nodes that cannot be nulled."""
+"""Flags of nodes that cannot be nulled."""
 
 _FOR_NOW, _LIGHT_LOST = int(Flag.MIXED | Flag.CODED), np.uint16(Flag.LIGHT_LOST)
 _OFF_DISPLAY = np.uint16(Flag.OFF_DISPLAY)

@@ -22,7 +22,7 @@ LAMP_WORDS = "coded pictures read the warp behind a lamp's image: switch it off 
 
 def burst_words(result: FrameResult) -> str:
     """What is done about nodes that no picture nulls."""
-    ahead, now = (LAMP_AHEAD, LAMP_WORDS) if result.lamp else (BURST_AHEAD, BURST_WORDS)
+    ahead, now = (LAMP_AHEAD, LAMP_WORDS) if result.lamp_image else (BURST_AHEAD, BURST_WORDS)
     return now if result.coded else ahead
 
 

@@ -15,7 +15,7 @@ from zeromethod.loop.adjustments import Adjustments
 from zeromethod.loop.assembly import make_circle
 from zeromethod.loop.bench_doubt import BenchDoubt
 from zeromethod.loop.burst import Read
-from zeromethod.loop.circle import FrameResult, Sensor, from_zero
+from zeromethod.loop.circle import FrameResult
 from zeromethod.loop.display_watch import DisplayWatch
 from zeromethod.loop.drawing import HANGING_S, Drawer, Drawing
 from zeromethod.loop.events import Event, Notice, Notices
@@ -31,6 +31,7 @@ from zeromethod.loop.step import Step
 from zeromethod.loop.zero import Zero
 from zeromethod.optics import Optics
 from zeromethod.rig.model import Rig
+from zeromethod.sensing.sensor import Sensor
 
 WRONG_FRAMES_TO_END = 10
 """Consecutive frames of wrong shape or type after which the run ends."""
@@ -86,14 +87,14 @@ class Loop:
         self.q_rest = self.rest.q
         """(rows, cols, 2) warp of the untouched mirror, LCD px."""
         self.delay = parts.circle.exposures.delay
-        """What the coded strips say of the delay; None without strips."""
+        """The delay of display and camera by the coded strips; None without strips."""
         self.paused = False
         """Whether corrections are paused; see `pause`."""
         self.status, self.over = Status(), False
         self.doubt: Doubt | None = None
-        """Why readings must not be trusted, set by who knows; motion of the bench comes on top."""
+        """Why readings must not be trusted, set from outside; motion of the bench is judged apart."""
         self.coming = ""
-        """What is about to touch, in words, set by who sees it: no burst begins meanwhile."""
+        """What is about to touch, in words, set from outside; while it is set, no burst begins."""
         self.on_wait: Callable[[], None] | None = None
         """Called in the loop's thread once per step, and while one waits: for keys, buttons, windows."""
         self.ended: Step | None = None
@@ -104,8 +105,7 @@ class Loop:
         self.bench = BenchDoubt(rig, optics, self.rest, self._zero, watches_bench)
         timeout_s, timed = rig.control.timeout_s, parts.strips is not None
         dwell = PatternDwell(1e9 / rig.camera.rate_hz, timed) if self.live or timed else None
-        slowest_s = max(timeout_s, HANGING_S)
-        pace = timed, slowest_s, self.live, rig.target.step
+        pace = timed, max(timeout_s, HANGING_S), self.live, rig.target.step
         drawing = Drawing(lambda: Drawer(rig, display, parts.rest, parts.strips), *pace)
         self.gl_renderer = drawing.gl_renderer
         """Name of what draws the pattern, as GL gives it."""
@@ -124,7 +124,7 @@ class Loop:
 
     @property
     def horizon_s(self) -> float:
-        """From a frame's mid-exposure to that of those that see what was made of it; NaN: not known yet."""
+        """Delay from the mid-exposure of a frame to that of those that see its picture; NaN: unknown."""
         return self._circle.horizon_s
 
     @property
@@ -240,7 +240,7 @@ class Loop:
         return self._without_frame(came) if isinstance(came, Trouble) else self._with_frame(came)
 
     def _attend(self) -> None:
-        """Do what must not wait for the camera."""
+        """Attend to keys, display and garbage; called in each step, and while it waits for the camera."""
         if self._stop and self._waiting:
             raise Stopped
         if self.on_wait is not None:
@@ -262,7 +262,7 @@ class Loop:
         if result.refusal is not None:
             events, refusal = (*events, result.refusal), Notice.refusal(result.refusal)
         trouble = self._show(result, refusal, frozen, now_ns)  # before it is judged, which takes longer
-        self._circle.settle()
+        self._circle.learn_pending()
         events += self._judged(frame, result)
         if result.coded:
             events += (Event.BURST,)
@@ -287,7 +287,7 @@ class Loop:
             now_ns if verdict.wrong else frame.time_ns,
             events,
             frozen=frozen,
-            measured=from_zero(result, self._zero.q),
+            measured=result.measured_from(self._zero.q),
             loop_ms=loop_ms,
             **self._screen.timing_ms(),
             **frame_figures(frame, verdict, result),
@@ -303,7 +303,7 @@ class Loop:
         return tuple(notice.event for notice in notices)
 
     def _at_rest(self, result: FrameResult) -> bool:
-        # only matters, and is only worked out, where the loop is about to be locked
+        """Whether the mirror is untouched; only asked, and worked out, where the loop is about to lock."""
         if result.measured is None or not self.status.locks_next:
             return False
         return self._zero.at_rest(self._circle.controller.estimate, result.measured)

@@ -9,7 +9,7 @@ Light may also change smoothly, by a backlight that drifts or a mirror that tilt
 of nodes to both sides whose windows do not share the contact.
 
 Until the mirror was at rest, an edge of the light counts in another way, too: of dirt, or of a lamp's image
-whose displacements are known from the rest on (`session.uneven_rest`). The mean bends there from node to
+whose displacements are known from the rest on (`session.dirt`). The mean bends there from node to
 node, as `sensing.shading` says.
 """
 
@@ -38,11 +38,11 @@ BEND_PERIODS = 0.31
 phase by up to 2.5 px of 16 times its share of the light: half of that."""
 
 NOISES2 = 9.0
-"""Square of the deviations of noise that say nothing."""
+"""Square of the deviations, in standard deviations of noise, that may be noise alone."""
 
 
 class LostLight:
-    """Adds what lost light may do to the sigma of residuals; until light at rest is known, what edges may."""
+    """Widens the sigma of residuals by what lost light may do; before rest is known, by what edges may."""
 
     def __init__(self, shape: tuple[int, int], period_px: float, black_grey: float) -> None:
         self._period_px, self._px_per_rad = period_px, period_px / (2 * math.pi)
@@ -60,14 +60,14 @@ class LostLight:
             known = residual.valid & ((self._rest > 0) | (self._frames == 1))
             self._rest = np.where(known, self._rest + (light - self._rest) / self._frames, np.float32(0))
 
-    def open(self, residual: Residual) -> None:
-        """Add that to the sigma of a residual, in place: a copy would cost as much as all of this."""
+    def widen_sigma(self, residual: Residual) -> None:
+        """Add to the sigma of a residual, in place, what light lost at each node may do to its phase."""
         if self._frames == 0:
-            _open_edges(residual.arrays, self._black, self._period_px)
+            _widen_at_edges(residual.arrays, self._black, self._period_px)
             return
         seen = residual.mean, residual.modulation, residual.flags
         nothing = NOISES2 * (1.0 + 1.0 / self._frames)
-        _open(
+        _widen(
             *seen, self._rest, self._black, self._px_per_rad, nothing, self._light, self._lack, residual.sigma
         )
 
@@ -87,7 +87,7 @@ def _bent(seen: tuple[Float, Float, Flags, Single, Single], period_px: float, j:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _open_edges(seen: tuple[Float, Float, Flags, Single, Single], black: float, period_px: float) -> None:
+def _widen_at_edges(seen: tuple[Float, Float, Flags, Single, Single], black: float, period_px: float) -> None:
     """Add to sigma, px, what edges of the light at a node, or next to it, may do; seen: `Residual.arrays`."""
     _, sigma, flags, _, mean = seen
     rows, cols = mean.shape
@@ -165,7 +165,7 @@ def _by(light: Single, j: int, i: int, down: int, across: int) -> tuple[float, f
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _open(
+def _widen(
     mean: Single,
     modulation: Single,
     flags: Flags,

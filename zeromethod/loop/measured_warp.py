@@ -18,8 +18,8 @@ import numpy as np
 from zeromethod.arrays import Flags, Float, Mask
 from zeromethod.exposure.pairing import Observation
 from zeromethod.exposure.unmixing import at_full_contrast, unmix
-from zeromethod.loop.across_seams import at_seams, bridged, settle
-from zeromethod.loop.light_hold import LightHold
+from zeromethod.loop.across_seams import at_seams, bridged, settle_order
+from zeromethod.loop.beside_dark import BesideDark
 from zeromethod.loop.panel_blur import PanelBlur
 from zeromethod.sensing.residual import Residual
 from zeromethod.warp.compose import compose
@@ -41,7 +41,7 @@ _SEAM = np.uint16(Flag.SEAM)
 
 
 @dataclass(frozen=True, slots=True)
-class Known:
+class Expected:
     """What earlier frames say of the next one.
 
     q: (rows, cols, 2) LCD px, where the nodes looked last. trusted: (rows, cols) nodes whose carrier order is
@@ -129,11 +129,11 @@ def _change(d: Float, expected: Float, flags: Flags) -> float:
     return largest
 
 
-def expect(observation: Observation, known_q: Float, trusted: Mask, rest: Rest) -> Known:
-    """What the residual of an observation is expected to be; arguments as the members of `Known`."""
+def expect(observation: Observation, known_q: Float, trusted: Mask, rest: Rest) -> Expected:
+    """What the residual of an observation is expected to be; arguments as the members of `Expected`."""
     out = np.empty_like(known_q)
     _expected(observation.shown.q, known_q, 1 / rest.grid.spacing_px, out)
-    return Known(known_q, trusted, np.where(trusted[..., None], out, np.nan), out)
+    return Expected(known_q, trusted, np.where(trusted[..., None], out, np.nan), out)
 
 
 def unmixed(residual: Residual, observation: Observation, grid: NodeGrid) -> Residual:
@@ -177,10 +177,10 @@ def order_in_doubt(valid: Mask, trusted: Mask) -> Mask | None:
 def measure_warp(
     observation: Observation,
     residual: Residual,
-    known: Known,
+    expected: Expected,
     rest: Rest,
     blur: PanelBlur | None = None,
-    hold: LightHold | None = None,
+    beside_dark: BesideDark | None = None,
     *,
     blind: Mask | None = None,
 ) -> Warp:
@@ -191,15 +191,16 @@ def measure_warp(
     enter: the measurement is absolute. sigma is noise, and what the edge of a dark place does to nodes beside
     it; after a sudden press the residual bends within the window and is off by up to tenths of a px until the
     next picture (`sensing.window.curvature_bias_px2`).
-    blur: of the panel, whose effect is taken out; None leaves it. hold: of nodes beside dark places; None for
-    none. blind: (rows, cols) nodes that may see the fringes of a burst and are flagged CODED; None for none.
+    blur: of the panel, whose effect is taken out; None leaves it. beside_dark: memory of nodes beside dark
+    places; None for none. blind: (rows, cols) nodes that may see the fringes of a burst, to be flagged CODED;
+    None for none.
 
     Convention: residual d as observed(u, v) = T((u, v) + d), camera px.
     """
     grid = rest.grid
     shown = observation.shown
-    seam = at_seams(known.q, rest)
-    settle(residual, shown.q, known.residual_px, rest, seam if blind is None else seam | blind)
+    seam = at_seams(expected.q, rest)
+    settle_order(residual, shown.q, expected.residual_px, rest, seam if blind is None else seam | blind)
     q = compose(shown.q, residual.d, grid.spacing_px)
     if blur is not None:
         blur.add_hidden(shown.q, q)
@@ -210,7 +211,7 @@ def measure_warp(
     flags[seam] = _SEAM
     if observation.mixture is not None:
         flags[observation.mixture.mixed] |= _MIXED
-    sigma_px = residual.sigma if hold is None else hold.flag(flags, residual.sigma)
+    sigma_px = residual.sigma if beside_dark is None else beside_dark.flag(flags, residual.sigma)
     if blind is not None:
         flags[blind] |= _CODED
     valid, over_seams = flags == 0, bridged(q, flags, rest)
@@ -218,8 +219,8 @@ def measure_warp(
         flags[over_seams] = _SEAM
         valid |= over_seams
     if (rest.visible & (flags != 0)).any():
-        sudden = _change(residual.d, known.residual_px, flags) > SUDDEN_PERIODS * grid.period_px
-        doubt = order_in_doubt(valid, np.zeros_like(known.trusted) if sudden else known.trusted)
+        sudden = _change(residual.d, expected.residual_px, flags) > SUDDEN_PERIODS * grid.period_px
+        doubt = order_in_doubt(valid, np.zeros_like(expected.trusted) if sudden else expected.trusted)
         if doubt is not None:
             flags[doubt & (flags & _SEAM == 0)] |= _AMBIGUOUS
     sigma = np.empty_like(q)

@@ -21,7 +21,7 @@ import numpy as np
 
 from zeromethod.arrays import Flags, Float, Ints, Mask
 from zeromethod.exposure.pairing import Observation
-from zeromethod.loop.measured_warp import Known, expect
+from zeromethod.loop.measured_warp import Expected, expect
 from zeromethod.sensing.residual import Residual
 from zeromethod.warp.compose import compose
 from zeromethod.warp.continuation import continue_smoothly
@@ -32,39 +32,43 @@ ENLARGED = 1 / 32
 """s: half a camera px for each period of 16, some fifty times a node's noise."""
 
 QUIET_PX, QUIET_SHARE = 0.25, 0.25
-"""Residual beside the expected one up to which a node is where it was, or where it is at rest, and share of
-such nodes from which the order is not in doubt: of a jump by any way, one in a thousand would look so."""
+"""A node is where it was (or at rest) if its residual is this close to the expected one, camera px. If this
+share of the nodes is, the order is not in doubt: one jump in a thousand would look so by chance."""
 
 JUMP_PERIODS, JUMPED_SHARE, JUMPED_QUIET_SHARE = 1 / 8, 0.5, 0.08
-"""Change between frames, in periods, from which a node jumped, and share of nodes of a view that did; and
-share that did not move, above which it was a press."""
+"""A node jumped if it changed by this many periods between frames; the view jumped if this share of its nodes
+did, and a press did it if more than the last share did not move."""
 
 STILL_SHARE, SUDDEN_FRAMES = 0.75, 2
-"""Share of nodes that do not move in a still mirror; and frames after which it must be still again. Between
-two still ones all of the view may have jumped by whole periods and a little, and shows the little alone."""
+"""The mirror is still if this share of the nodes does not move; after a small motion of the whole view it
+must be still again within this many frames. The view may then have jumped by whole periods and a little more,
+of which phase shows only the little."""
 
 BENT_SHARE = 0.65
-"""How far nodes are from where a picture displaced as a whole would have them, over how far they moved, from
-which a press bent it; medians. A finger in a small view has 0.76, a dent much wider than the view 0.44."""
+"""Part of the nodes' motion that shift, turn and stretch of the whole picture do not explain, over all of it
+(medians), above which a press caused it: 0.76 by a finger in a small view, 0.44 by a dent much wider than
+it."""
 
 SIDE_SHARE, BARE_CONTRAST = 0.9, 0.3
-"""Share of the outermost nodes on one side that see light, but so little of the carrier's contrast in the
-view, from which that side looks past what is drawn, as it does from 1.7 periods on. Phase does not show whole
-periods: a view that is displaced by them may look merely bent."""
+"""A side of the view looks past the drawn picture if this share of its outermost nodes see light but less
+than this share of the view's mean contrast, as happens from a displacement of 1.7 periods on. Phase does not
+show whole periods, so that such a displacement may look like a small bend."""
 
 ALIKE_PX = 0.05
-"""How far pictures at rest may differ, LCD px, and what their mixture does, camera px, to count as one."""
+"""Pictures count as the same one up to this difference, LCD px, and this effect of their mixture, camera
+px."""
 
 GAP_S, LEAST_SHARE = 0.25, 0.5
-"""Time without a measurement, and share of the nodes measured, after which order is to be found again."""
+"""The order is to be found again after this time without a measurement of at least this share of the
+nodes."""
 
 CLEAR, CLEAR_SHARE = 0.25, 0.8
-"""A node shows its order where it comes as close to a whole number; share of the nodes that must show the
-same one, as neighbours have settled each other's already."""
+"""A node shows its order if its result is this close to a whole number; this share of the nodes must show the
+same one, as unwrapping has already made neighbours agree."""
 
 STEADY_FRAMES = 3
-"""Consecutive frames that must have seen a picture alone, once a try has failed: where the delay is not known
-the first of them may have seen the one before."""
+"""Consecutive frames that must see a picture alone, after a first attempt has failed: while the delay is
+unknown, the first of them may have seen the picture before."""
 
 LONGEST_S = 1.0
 """Time after which an order that could not be found counts as lost."""
@@ -126,10 +130,10 @@ class OrderCheck:
             return Order.KNOWN
         return Order.UNKNOWN if time_ns - self._since_ns > 1e9 * LONGEST_S else Order.DOUBTED
 
-    def look(self, observation: Observation, residual: Residual, known: Known) -> Known | None:
+    def look(self, observation: Observation, residual: Residual, expected: Expected) -> Expected | None:
         """Take in a frame's residual; what it must be held against, where the order has just been found.
 
-        known: what was expected of the frame.
+        expected: what was expected of the frame.
         """
         time_ns = observation.shown.time_ns
         if np.count_nonzero(residual.flags == 0) < LEAST_SHARE * self._visible:
@@ -142,9 +146,9 @@ class OrderCheck:
         self._started, self._last_ns = True, time_ns
         jump_px = JUMP_PERIODS * self._rest.grid.period_px
         if self._kept is None:
-            quiet, jumped = _changes(residual.d, known.residual_px, residual.flags, QUIET_PX, jump_px)
+            quiet, jumped = _changes(residual.d, expected.residual_px, residual.flags, QUIET_PX, jump_px)
             jumps = jumped > JUMPED_SHARE and quiet < JUMPED_QUIET_SHARE
-            moves = self._still and quiet < JUMPED_QUIET_SHARE and self._as_one_piece(residual, known)
+            moves = self._still and quiet < JUMPED_QUIET_SHARE and self._as_one_piece(residual, expected)
             slides = self._slides(residual, quiet)
             self._still = quiet > STILL_SHARE
             if not slides and (quiet > QUIET_SHARE or not (interrupted or jumps or moves)):
@@ -161,10 +165,10 @@ class OrderCheck:
                 self._larger, self._unsure = self._enlarged(self._kept), 1
                 return None
         if self._unsure > 0:
-            quiet = _changes(residual.d, known.residual_px, residual.flags, QUIET_PX, jump_px)[0]
+            quiet = _changes(residual.d, expected.residual_px, residual.flags, QUIET_PX, jump_px)[0]
             self._settle(observation, residual, quiet > STILL_SHARE)
             return None
-        return self._compare(observation, residual, known)
+        return self._compare(observation, residual, expected)
 
     def _slides(self, residual: Residual, quiet: float) -> bool:
         """Whether a side of the view begins to look past what is drawn; quiet: share of it that is still."""
@@ -182,10 +186,10 @@ class OrderCheck:
         self._past = past
         return begins
 
-    def _as_one_piece(self, residual: Residual, known: Known) -> bool:
+    def _as_one_piece(self, residual: Residual, expected: Expected) -> bool:
         """Whether the picture was displaced, turned and stretched more than bent, which a press does."""
-        good: Mask = (residual.flags == 0) & np.isfinite(known.residual_px[..., 0])
-        change = (residual.d - known.residual_px)[good]
+        good: Mask = (residual.flags == 0) & np.isfinite(expected.residual_px[..., 0])
+        change = (residual.d - expected.residual_px)[good]
         if not len(change):
             return False
         terms = np.column_stack([np.ones(len(change)), self._from_middle[good]])
@@ -207,7 +211,7 @@ class OrderCheck:
         else:
             self._kept, self._larger, self._unsure, self._still = None, None, 0, False
 
-    def _compare(self, observation: Observation, residual: Residual, known: Known) -> Known | None:
+    def _compare(self, observation: Observation, residual: Residual, expected: Expected) -> Expected | None:
         """The order by a frame of the picture that is kept and one of the enlarged one, in turn."""
         assert self._kept is not None
         wanted = self._kept if self._larger is None else self._larger
@@ -222,15 +226,15 @@ class OrderCheck:
             return None
         d, valid = self._seen
         both: Mask = valid & residual.valid
-        expected, clear = self._absolute(d, residual.d, both)
+        absolute, clear = self._absolute(d, residual.d, both)
         self._seen = self._larger = None
         clear &= both
         self._failed = not np.count_nonzero(clear) > CLEAR_SHARE * np.count_nonzero(both)
         if self._failed:
             return None
         self._kept = None
-        expected[~clear] = np.nan
-        return Known(known.q, clear, expected, expected)
+        absolute[~clear] = np.nan
+        return Expected(expected.q, clear, absolute, absolute)
 
     def _enlarged(self, q: Float) -> Float:
         """The warp (rows, cols, 2) LCD px that draws the target larger by s where `q` draws it."""
@@ -273,7 +277,7 @@ def _outermost(visible: Mask) -> list[Ints]:
 
 
 def _alone(observation: Observation, q: Float, within_px: float) -> bool:
-    """Whether a frame saw one picture alone, `q` (rows, cols, 2) LCD px, or others as like it as that."""
+    """Whether a frame saw only pictures within within_px of `q`, (rows, cols, 2) LCD px."""
     mixture = observation.mixture
     if mixture is not None:
         bias_px = mixture.bias_px

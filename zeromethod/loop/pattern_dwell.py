@@ -24,7 +24,9 @@ RAISE_FRAMES, RAISE_ABOVE = 24, 0.5
 """Single mixed frames clear themselves, as a command that stays is seen alone by the next frames."""
 
 LOWER_FRAMES, LOWER_BELOW = 60, 0.1
+"""Pictures stay shorter again after so many frames, of which less than this share was refused."""
 LONGEST_WAIT = 16
+"""Most times that those frames of quiet are multiplied by."""
 
 
 class PatternDwell:

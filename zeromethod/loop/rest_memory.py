@@ -23,24 +23,25 @@ REST_BLOCK = 4
 """Half of the nodes on a side of the blocks that must all be at rest for the mirror to be."""
 
 REST_SIGMAS, REST_WITHIN_LCD_PX = 3.0, 0.05
-"""Displacement rms of a block, beyond so many deviations of noise, that counts as rest: 0.2 µm of press."""
+"""A block is at rest up to this rms displacement beyond this many deviations of noise: 0.2 µm of press."""
 
 FRAMES = 16
-"""Frames at rest whose mean is remembered; what is known by fewer counts until then."""
+"""Frames at rest whose mean is remembered; until there are as many, the mean of fewer."""
 
 PART = 4
-"""Nodes on a side of the parts that are held against what is remembered: what is off is no smaller, as a
-sensing window covers more than a node."""
+"""Side, in nodes, of the parts that are compared with what is remembered: nothing disturbs a smaller part, as
+a sensing window covers more than a node."""
 
 WITHIN_LCD_PX = 0.02
-"""Displacement of a node, beyond noise, up to which it is as it was, drift of the whole view taken off: 0.08
-µm of press. Of a part, rms and twice the mean of its nodes' displacements count, each over its own limit."""
+"""A node is as it was up to this displacement beyond noise, drift of the whole view taken off: 0.08 µm of
+press. A part is judged by the rms and twice the mean of its nodes' displacements, each over its own limit."""
 
 SIGMAS = 4.0
-"""Deviations of noise that come on top; some thousand parts are judged a second."""
+"""Deviations of noise that are added to that limit: some thousand parts are judged a second."""
 
 OPEN = 0.3
-"""Share of what was off at rest that comes on top: under drifting light, dirt moves its nodes differently."""
+"""Share of the displacement at rest that is added, too: under drifting light dirt displaces nodes
+otherwise."""
 
 LEAST_NODES = 8
 """Nodes of a part that must be known for it to be judged."""
@@ -51,8 +52,8 @@ def quadratic(x: Float, y: Float) -> Float:
     return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
 
 
-def rests(q: Float, rest_q: Float, sigma: Float, valid: Mask) -> bool:
-    """Whether a warp q (rows, cols, 2), LCD px, is that at rest but for noise and dirt; sigma: of q."""
+def is_at_rest(q: Float, rest_q: Float, sigma: Float, valid: Mask) -> bool:
+    """Whether a warp q (rows, cols, 2), LCD px, of this sigma differs from rest by noise and dirt alone."""
     return bool(at_rest(q, rest_q, sigma, valid, REST_BLOCK, REST_SIGMAS, REST_WITHIN_LCD_PX))
 
 
@@ -80,7 +81,7 @@ class RestMemory:
         that of the untouched mirror. LCD px.
         """
         known = measured.sigma, measured.valid
-        if not rests(estimate, rest_q, *known):
+        if not is_at_rest(estimate, rest_q, *known):
             return False
         return self.pressed_lcd_px(measured.q - rest_q, *known) == 0.0
 

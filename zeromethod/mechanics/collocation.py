@@ -26,6 +26,7 @@ _LENGTH_MM = 3.0
 """A displacement counts as the stress that it makes over so much rubber."""
 
 _RANK = 1e-11
+"""Singular values below this share of the largest are left out."""
 
 
 def mirror_response(

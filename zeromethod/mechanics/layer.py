@@ -17,9 +17,11 @@ from zeromethod.arrays import Float
 _WAVES = 30.0
 """Wave number x thickness beyond which a layer yields as a half-space does: exp(-60) is left."""
 _PANELS, _POINTS = 120, 12
+"""Panels of the integral over waves, and Gauss points in each."""
 _FAR = 12.0
 """Distance over thickness up to which slopes are kept; beyond, the base takes all of a half-space's."""
 _TABLE = 1200
+"""Distances, up to that, at which slopes are tabulated."""
 
 
 def wave_share(waves: Float, poisson: float, *, bonded: bool) -> Float:

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from zeromethod.commissioning.light_advice import FLICKER_SHARE, SATURATED_SHARE, advised_exposure_s
-from zeromethod.commissioning.setting_up import Flicker
+from zeromethod.commissioning.setting_up import FlickerMeter
 from zeromethod.loop.events import Event
 from zeromethod.loop.state import State
 from zeromethod.loop.step import Step
@@ -48,7 +48,7 @@ class AutoExposure:
     def __init__(self, rig: Rig, controls: Controls) -> None:
         self._rig, self._controls = rig, controls
         self._black, self._full = rig.camera.noise.black_grey, 2.0**rig.camera.bits - 1
-        self._flicker = Flicker(self._black)
+        self._flicker = FlickerMeter(self._black)
         self._exposure_ns = 0
         self._since_ns = 0
         self._asked: Future[dict[str, Any]] | None = None

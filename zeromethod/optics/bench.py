@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from zeromethod.arrays import Float, Mask
-from zeromethod.optics.camera import Camera
+from zeromethod.optics.camera import CameraModel
 from zeromethod.optics.fresnel import fresnel, s_share
 from zeromethod.optics.joining import TOUCHES_MM, Joining
 from zeromethod.optics.layers import direction_between, through_slabs
@@ -50,7 +50,7 @@ class Optics:
         self.rig = rig
         self.prism = PrismGeometry(rig.prism)
         self.saw = None if rig.prism.teeth is None else Saw(rig.prism)
-        self.camera = Camera.place(rig.camera)
+        self.camera = CameraModel.place(rig.camera)
         self.rest: HeightField = rest_surface(rig)
         layers = rig.pattern_layers
         self.panel = Panel.place(rig.display, self.prism.pattern_face, sum(s.thickness_mm for s in layers))

@@ -12,8 +12,8 @@ from zeromethod.rig.model import CameraSpec
 
 Distortion = tuple[float, float, float, float, float]
 
-_ITERATIONS = 50
-_TOLERANCE = 1e-14
+_ITERATIONS, _TOLERANCE = 50, 1e-14
+"""Most Newton steps, and the error, in focal lengths, that ends them: rounding."""
 
 
 def distort(x: Float, y: Float, k: Distortion) -> tuple[Float, Float]:
@@ -59,7 +59,7 @@ def undistort(x_image: Float, y_image: Float, k: Distortion) -> tuple[Float, Flo
 
 
 @dataclass(frozen=True)
-class Camera:
+class CameraModel:
     """Pose and projection of a rig's camera.
 
     Convention: `axis` points from `position` to the look-at point; with no roll v runs along world +y (its
@@ -73,7 +73,7 @@ class Camera:
     v_axis: Float
 
     @classmethod
-    def place(cls, spec: CameraSpec) -> Camera:
+    def place(cls, spec: CameraSpec) -> CameraModel:
         """Camera of a rig; axes are NaN without viewing direction or along y (roll undefined)."""
         position = np.array(spec.position_mm)
         with np.errstate(invalid="ignore"):

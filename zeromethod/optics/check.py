@@ -15,6 +15,7 @@ from zeromethod.optics.vectors import dot
 from zeromethod.rig.model import Rig
 
 _SAMPLES = 33
+"""Pixels along each axis of the view, and of the panel, that are checked."""
 
 _TOUCHING_MM = 1e-9
 """Rounding allowed before two touching surfaces count as intersecting."""

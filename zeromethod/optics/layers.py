@@ -14,6 +14,7 @@ from zeromethod.arrays import Float
 from zeromethod.optics.vectors import dot
 
 _ITERATIONS = 100
+"""Most Newton steps: grazing rays take many."""
 
 
 def through_slabs(

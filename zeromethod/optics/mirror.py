@@ -12,8 +12,8 @@ from zeromethod.arrays import Float
 from zeromethod.errors import InputError
 from zeromethod.rig.model import RestSurface, Rig
 
-_ITERATIONS = 60
-_MISS_MM = 1e-9
+_ITERATIONS, _MISS_MM = 60, 1e-9
+"""Most steps along a ray, and how far from the surface a point that lies on it may be."""
 
 
 class HeightField(Protocol):

@@ -13,7 +13,9 @@ from zeromethod.optics.bench import Optics
 from zeromethod.rig.model import Rig
 
 _STEP_MM = 1.0
+"""Displacement of the camera by which the rays of other points of the pupil are found."""
 _LATTICE = 7
+"""Places along each side of the view to which the terms are fitted."""
 
 
 def footprint_terms(rig: Rig) -> Float:

@@ -22,6 +22,7 @@ from zeromethod.simulation.press import Dent, Mirror, Shape
 DEPTH_MM, SIGMA_MM = 0.2, 5.0
 """The press of section 5: "about 0.2 mm" is given; its width is not, 5 mm is this project's choice."""
 _MIN_CROSSINGS = 3
+_BAND_ROWS = 132
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,14 +85,14 @@ def read_images(
     return read_picks(view, line.whole(), truth), read_picks(view, line, truth)
 
 
-def scatter(rig: Rig, shifts_mm: tuple[Float, Float], rows: int = 132) -> Float:
+def scatter(rig: Rig, shifts_mm: tuple[Float, Float]) -> Float:
     """Error at the peak, %, of presses moved against the lattice, (n, 4).
 
     Columns: whole-pixel and sub-pixel picks with equation 19 as printed, then both without its lag.
 
-    shifts_mm: shifts along l and along y, all pairs. Only the middle `rows` of the camera are drawn.
+    shifts_mm: shifts along l and along y, all pairs. Only the middle `_BAND_ROWS` of the camera are drawn.
     """
-    band = _band(rig, rows)
+    band = _middle_rows(rig)
     middle_mm = Optics(rig).length_mm / 2
     mirrors = [
         Mirror((Dent(Shape.GAUSSIAN, middle_mm + x, y, DEPTH_MM, SIGMA_MM),))
@@ -108,9 +109,10 @@ def scatter(rig: Rig, shifts_mm: tuple[Float, Float], rows: int = 132) -> Float:
     return np.array(readings)
 
 
-def _band(rig: Rig, rows: int) -> Rig:
+def _middle_rows(rig: Rig) -> Rig:
+    """The rig with the middle rows of its camera alone, which is faster to draw."""
     column, row = rig.camera.centre_px
-    update = {"rows": rows, "centre_px": (column, row - (rig.camera.rows - rows) // 2)}
+    update = {"rows": _BAND_ROWS, "centre_px": (column, row - (rig.camera.rows - _BAND_ROWS) // 2)}
     return rig.model_copy(update={"camera": rig.camera.model_copy(update=update)})
 
 

@@ -23,6 +23,8 @@ PAPER_DEPTH_ERROR_PX = 0.4
 """Figures 8 and 9: "suppressed under"."""
 SPACING_PX = 2.0
 """Distance of points along the mirror, if nothing else is asked for."""
+AWAY_PX = 32.0
+"""Distance from the tip beyond which the paper's own reading is judged "away" from it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,7 +132,6 @@ def column(
     step: Step = "centred",
     rim: Rim = "straight",
     spacing_px: float = SPACING_PX,
-    away_px: float = 32.0,
 ) -> Column:
     """Pick the needle on exact geometry or on the paper's own gamma = 0 model, and reconstruct it."""
     l = needle.points(spacing_px)
@@ -140,5 +141,5 @@ def column(
     series = reconstruct(m, w, **bench, invert=invert, step=step, rim=rim, keep_gamma=exact)
     theta = series.theta_rises, series.theta_drops, series.theta
     depth = series.depth_rises, series.depth_drops, series.depth
-    errors = (errors_of(needle, l, *reading, away_px) for reading in zip(theta, depth, strict=True))
+    errors = (errors_of(needle, l, *reading, AWAY_PX) for reading in zip(theta, depth, strict=True))
     return Column(l, series, *errors)

@@ -162,7 +162,7 @@ def reproduce_needle() -> NeedleResult:
     )
 
 
-def read_needle(needle: Needle, pixel_mm: float, period_px: int = PERIOD_PX) -> NeedleReading:
+def read_needle(needle: Needle, pixel_mm: float) -> NeedleReading:
     """Read the needle off its exact warp, averaged as the sensor at the null averages it.
 
     The bench has the paper's geometry: faces at alpha0 and beta0 to a mirror from P0 over L0 and, at
@@ -174,12 +174,12 @@ def read_needle(needle: Needle, pixel_mm: float, period_px: int = PERIOD_PX) -> 
     goes wrong by about 1.2 slope^2 window, 0.03 px at 0.1 mm per camera pixel. That, not the rule
     of integration, limits the reading of a tent; it falls in proportion to the camera's pixel.
     """
-    rig = _rig(needle, pixel_mm, period_px)
+    rig = _rig(needle, pixel_mm)
     optics = Optics(rig)
-    grid = NodeGrid((rig.camera.rows, rig.camera.columns), period_px)
+    grid = NodeGrid((rig.camera.rows, rig.camera.columns), PERIOD_PX)
     reader = SurfaceReader(rig, optics, grid)
     surface = reader.read(_measured(optics, grid, Dented(Flat(), _Tent(needle))))
-    window_px = period_px * pixel_mm / np.cos(needle.beta0) / MM_PER_PX
+    window_px = PERIOD_PX * pixel_mm / np.cos(needle.beta0) / MM_PER_PX
     row = grid.shape[0] // 2
     l = surface.x_mm[row] / MM_PER_PX
     # a flank that falls towards the camera appears stretched
@@ -193,16 +193,16 @@ def read_needle(needle: Needle, pixel_mm: float, period_px: int = PERIOD_PX) -> 
     return NeedleReading(pixel_mm, float(window_px), l, theta, depth, errors)
 
 
-def _rig(needle: Needle, pixel_mm: float, period_px: int) -> Rig:
+def _rig(needle: Needle, pixel_mm: float) -> Rig:
     length_mm = needle.length_px * MM_PER_PX
     whole_mm = length_mm + _RIM_MM
     pattern_mm = whole_mm * np.sin(needle.beta0) / np.sin(needle.alpha0 + needle.beta0)
     captured_mm = whole_mm * np.sin(needle.alpha0) / np.sin(needle.alpha0 + needle.beta0)
     columns = int(captured_mm / pixel_mm) - 1
-    rows = max(64, 4 * period_px)
+    rows = max(64, 4 * PERIOD_PX)
     to_camera = np.array([np.sin(needle.beta0), 0.0, -np.cos(needle.beta0)])
     middle = np.array([whole_mm / 2, 0.0, 0.0])
-    window_mm = 2 * period_px * pixel_mm / np.cos(needle.beta0)
+    window_mm = 2 * PERIOD_PX * pixel_mm / np.cos(needle.beta0)
     wide_mm = 4 * rows * pixel_mm
     return Rig(
         schema_version=2,
@@ -232,7 +232,7 @@ def _rig(needle: Needle, pixel_mm: float, period_px: int) -> Rig:
             rate_hz=60.0,
             exposure_s=0.008,
         ),
-        target=TargetSpec(period_px=period_px),
+        target=TargetSpec(period_px=PERIOD_PX),
         surface=SurfaceSpec(
             known_rest=(KnownRest(x_mm=(length_mm + window_mm, whole_mm), y_mm=(-wide_mm, wide_mm)),)
         ),

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from zeromethod.arrays import Float, Image
+from zeromethod.arrays import Image
 from zeromethod.devices.protocols import TrueMirror
 from zeromethod.loop.state import NULLED
 from zeromethod.optics import Optics
@@ -35,7 +35,7 @@ class SurfaceReading:
     """A press read as a surface, compared with the truth.
 
     peak_mm: deepest point read, its error against the deepest true point; line_rms_um: error along the
-    nodes nearest y = 0 (l_mm, depth_mm: (n,)); view_rms_um: error over all nodes read; points: their number;
+    nodes nearest y = 0; view_rms_um: error over all nodes read; points: their number;
     frames: images that the figures are medians of. NaN and a `reason` where nothing was read.
     """
 
@@ -43,8 +43,6 @@ class SurfaceReading:
     peak_error_percent: float = NOTHING
     line_rms_um: float = NOTHING
     view_rms_um: float = NOTHING
-    l_mm: Float = field(default_factory=lambda: np.zeros(0))
-    depth_mm: Float = field(default_factory=lambda: np.zeros(0))
     points: int = 0
     frames: int = 0
     reason: str = ""
@@ -64,8 +62,6 @@ def against_truth(surface: Surface, truth: TrueMirror, optics: Optics, grid: Nod
         peak_error_percent=errors.depth_peak_error_percent,
         line_rms_um=1e3 * float(np.sqrt(np.mean(line_error**2))) if depth.size else NOTHING,
         view_rms_um=errors.depth_rms_error_um,
-        l_mm=x,
-        depth_mm=depth,
         points=int(np.count_nonzero(surface.valid)),
         frames=1,
     )

@@ -26,6 +26,7 @@ WEIGHT = 4.0
 """How much worse a squared bias is than variance: later averaging takes noise away, but not bias."""
 
 _ORDER = 2
+"""Degree of the displacement within a window."""
 
 _NOISE = 3.0
 """Squared differences, pooled over the wider window, are bias beyond this many times their noise."""

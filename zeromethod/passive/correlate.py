@@ -10,7 +10,7 @@ from zeromethod.arrays import Float, Image, Single
 from zeromethod.errors import InputError
 from zeromethod.passive.bandwidth import WIDTHS_PX, adaptive_fit
 from zeromethod.passive.cells import GRADIENT_NOISE, XX, XY, YY, X, Y
-from zeromethod.passive.displacement import Displacement, Doubt
+from zeromethod.passive.displacement import Displacement, PointFlag
 from zeromethod.passive.matching import LIGHT_PX, Matcher
 from zeromethod.passive.moving_fit import blur
 from zeromethod.passive.repeats import Repeats, ambiguous, repeats
@@ -22,14 +22,20 @@ SPACING_PX = 5
 """Pixels between points; odd, so that points lie on pixel centres."""
 
 NARROWEST_PX, WIDEST_PX = 2.0, 64.0
+"""Standard deviations that may be asked for as the window."""
 LARGEST_SPACING_PX = 32
+"""Largest distance of points that may be asked for."""
 
 _MIDDLE_PX = 8.0
-_FINAL_ROUNDS = 4
-_UNSETTLED_SHARE = 0.001
+"""Window of the two rounds before each point chooses its own."""
+_FINAL_ROUNDS, _UNSETTLED_SHARE = 4, 0.001
+"""Rounds with the final windows at most; they end when no more than this share of the points still moves."""
 _GUESS_ROUNDS = 20
+"""Rounds in which another start than that of the search settles."""
 _APART_PX = 2.0
+"""Median displacement found above which rest is tried as another start."""
 _CAMERA = 2.0
+"""Grey variance over its lower quartile up to which it counts as the camera's noise; more is misfit."""
 
 
 def correlate(
@@ -107,13 +113,13 @@ def correlate(
     texture = sums[..., XX] + sums[..., YY] - 2.0 * of_noise
     close = ends(texture, comparison.shown & within, spacing_px)
     sigma = np.hypot(sigma, at_ends(field, close, spacing_px)[..., None])
-    found[aside(texture, spacing_px) | weak(sigma)] |= np.uint8(Doubt.TEXTURE)
+    found[aside(texture, spacing_px) | weak(sigma)] |= np.uint8(PointFlag.TEXTURE)
     largest_px = math.inf if largest_shift_px is None else largest_shift_px
-    found[np.linalg.norm(field, axis=-1) > largest_px] |= np.uint8(Doubt.ORDER)
+    found[np.linalg.norm(field, axis=-1) > largest_px] |= np.uint8(PointFlag.ORDER)
     sound = found == 0
     others = Repeats(repeats(a), least_noise, largest_px)
     if ambiguous(matcher, comparison, field, sigma, sound, close, others, guess):
-        found[sound] |= np.uint8(Doubt.ORDER)
+        found[sound] |= np.uint8(PointFlag.ORDER)
     valid = found == 0
     return Displacement(
         u=u,

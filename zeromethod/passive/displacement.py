@@ -10,7 +10,7 @@ import numpy as np
 from zeromethod.arrays import Bytes, Float, Mask
 
 
-class Doubt(enum.IntFlag):
+class PointFlag(enum.IntFlag):
     """Reasons against a point, as bits; 0 means valid."""
 
     OUTSIDE = 1  # its pixels, or where they have gone, are not in the image
@@ -24,13 +24,13 @@ class Doubt(enum.IntFlag):
 class Displacement:
     """Displacement of `image` against `reference` on a lattice of points.
 
-    u, v: (rows, cols) reference column and row of the points, px, pixel centres at integers.
-    du, dv: (rows, cols) px, along columns and rows; also given, as a smooth guess, where not valid.
-    sigma_u, sigma_v: (rows, cols) px, standard deviations of du and dv; NaN where nothing was measured.
-    doubts: (rows, cols) uint8 of `Doubt` bits. noise_grey: standard deviation of the grey difference of two
-    matched pixels, median over the valid points (both images' noise together). match: (rows, cols) local
-    correlation coefficient after the match. noise_area_px2: (rows, cols) px^2, the area over which errors go
-    together: noise of an average over many points falls with the number of such areas, not of points.
+    u, v: (rows, cols) reference column and row of the points, px, pixel centres at integers. du, dv: (rows,
+    cols) px, along columns and rows; also given, as a smooth guess, where not valid. sigma_u, sigma_v: (rows,
+    cols) px, standard deviations of du and dv; NaN where nothing was measured. doubts: (rows, cols) uint8 of
+    `PointFlag` bits. noise_grey: standard deviation of the grey difference of two matched pixels, median over
+    the valid points (both images' noise together). match: (rows, cols) local correlation coefficient after
+    the match. noise_area_px2: (rows, cols) px^2, the area over which errors go together: noise of an average
+    over many points falls with the number of such areas, not of points.
 
     Convention: reference(u, v) = image(u + du, v + dv).
     """

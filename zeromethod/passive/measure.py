@@ -14,7 +14,7 @@ from zeromethod.arrays import Bytes, Image
 from zeromethod.calibration.nominal import stated
 from zeromethod.errors import InputError
 from zeromethod.optics import Optics, check_geometry
-from zeromethod.passive import Displacement, Doubt, correlate
+from zeromethod.passive import Displacement, PointFlag, correlate
 from zeromethod.passive.bend import blurred, speck_px2, with_bend
 from zeromethod.passive.correlate import SPACING_PX
 from zeromethod.passive.passive_warp import measured_warp
@@ -283,7 +283,7 @@ def figures(reading: StillReading) -> dict[str, Any]:
 
 def commonest(doubts: Bytes) -> str:
     """Name of the reason that most points have against them, in small letters; empty where none has."""
-    counts = {doubt: int(np.count_nonzero(doubts & doubt)) for doubt in Doubt}
+    counts = {doubt: int(np.count_nonzero(doubts & doubt)) for doubt in PointFlag}
     most = max(counts, key=lambda doubt: counts[doubt])
     return str(most.name).lower() if counts[most] else ""
 

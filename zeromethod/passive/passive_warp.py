@@ -7,15 +7,15 @@ import numpy as np
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.optics import Optics
-from zeromethod.passive.displacement import Displacement, Doubt
+from zeromethod.passive.displacement import Displacement, PointFlag
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.interpolant import sample
 from zeromethod.warp.overlap import overlap_correlation, shared_nodes
 from zeromethod.warp.validity import Flag
 from zeromethod.warp.warp import Warp
 
-_ROUNDS = 60
-_SETTLED_PX = 1e-6
+_ROUNDS, _SETTLED_PX = 60, 1e-6
+"""Most steps of the fixed point, and the change that ends them."""
 _ROUND_IT = 0.8
 """Share of the 5 x 5 points around one that is badly determined which must be valid."""
 
@@ -25,7 +25,7 @@ def _readable(displacement: Displacement) -> Mask:
 
     Without these, each would take a dozen nodes away. What is not sure of them is in their sigma.
     """
-    found = displacement.doubts & ~np.uint8(Doubt.TEXTURE | Doubt.UNSETTLED)
+    found = displacement.doubts & ~np.uint8(PointFlag.TEXTURE | PointFlag.UNSETTLED)
     around = cv2.blur(displacement.valid.astype(np.float64), (5, 5), borderType=cv2.BORDER_CONSTANT)
     unsure = (found == 0) & (around > _ROUND_IT) & np.isfinite(displacement.sigma)
     return np.asarray(displacement.valid | unsure)

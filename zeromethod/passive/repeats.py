@@ -23,19 +23,30 @@ from zeromethod.passive.validity import REST_PX
 _BY_CHANCE = 0.0027
 """Probability of a reading beyond 3 sigma: nearer to rest than this share of the periods is at rest."""
 
-_NEARLY_ALL = 99.0
-_REACH = 1.5
 _EVEN_PX = 20.0
+"""Standard deviation of the blur that is subtracted before a picture is compared with itself: uneven
+light."""
 _VIEW_PX = 512
+"""Side of the part of a picture in which repeats are looked for."""
 _LEAST_OVERLAP = 0.2
-_NEAREST = 24
-_CHECKED = 2
+"""Share of that part that must overlap with itself, shifted, for their likeness to mean anything."""
+_NEAREST, _CHECKED = 24, 2
+"""Repeats that are kept, the shortest shifts; and those of them whose match is tried in full."""
+_NEARLY_ALL = 99.0
+"""A repeat is not tried if by it this percentile of the points would have moved farther than they can."""
 _ROUNDS = 4
-_CLEARLY = 2.0
-_DECISIVE_SHARE = 0.1
+"""Rounds in which the field of a repeat settles before it is compared."""
+_CLEARLY, _DECISIVE_SHARE = 2.0, 0.1
+"""A match is better at a point if it leaves this many times less grey variance, and better as a whole if it
+is so at this share more of the points than the other match."""
+_REACH = 1.5
+"""Reach of what stands close to a frame, in widths of the window in which pictures are compared."""
 _CARRIED = 0.25
-_SIGMAS = 3.0
-_SMOOTH = 2.0
+"""Median change since the image before, over the shortest repeat, below which the order is that of the
+image."""
+_SIGMAS, _SMOOTH = 3.0, 2.0
+"""A point is at rest within this many sigmas; standard deviation, in cells, of the blur before slopes of the
+field are taken."""
 
 
 def repeats(grey: Single) -> Float:

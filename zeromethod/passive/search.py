@@ -16,12 +16,15 @@ from zeromethod.warp.continuation import continue_smoothly
 from zeromethod.warp.interpolant import sample
 
 SMALLEST_PX = 40
-CELL_PX = 4
-WINDOW_PX = 8.0
+"""Shorter side of the pyramid's coarsest image, at least."""
+CELL_PX, WINDOW_PX = 4, 8.0
+"""Side of the cells of the field, and standard deviation of the window that it is fitted under."""
 _STEP_PX = 1.5
-_ROUNDS = 12
-_SETTLED_PX = 0.02
+"""Longest step in one round: grey differences are linear in the displacement no farther."""
+_ROUNDS, _SETTLED_PX = 12, 0.02
+"""Rounds per level at most; they end when 99 % of the cells move by less than this."""
 _LEAST_SHARE = 0.02
+"""Share of the cells that must match for the others to follow them, and not all that has texture."""
 _CLEARLY = 1.2
 """A shift must match this much more than rest: of a regular texture's many matches, rest is the likeliest."""
 
@@ -35,7 +38,7 @@ def pyramid(grey: Single) -> list[Single]:
 
 
 def settle(matcher: Matcher, field: Float, rounds: int, window_px: float = WINDOW_PX) -> Float:
-    """Improve a field (cell rows, cell cols, 2) px until it rests; what does not match follows the rest."""
+    """Improve a field (cell rows, cell cols, 2) px until it stays; others follow the cells that match."""
     sigma = (window_px / matcher.size, window_px / matcher.size)
     for _ in range(rounds):
         comparison = matcher.compare(field)

@@ -7,7 +7,7 @@ import numpy as np
 
 from zeromethod.arrays import Bytes, Float, Mask
 from zeromethod.passive.cells import XX, XY, YY, X, Y
-from zeromethod.passive.displacement import Doubt
+from zeromethod.passive.displacement import PointFlag
 from zeromethod.passive.matching import LIGHT_PX, CellMatches
 from zeromethod.passive.moving_fit import blur, moving_moments
 from zeromethod.surface.integrate import largest_island
@@ -20,6 +20,7 @@ UNSETTLED_PX = 0.2
 """Last change of the field up to which grey levels are straight enough between the two (or `_SIGMAS`)."""
 
 _SIGMAS = 3.0
+"""Standard deviations beyond which a difference is no noise."""
 
 ASIDE = 1.3
 """Distance to the middle of the texture near a point, per width of the window: 7 px outside of an edge."""
@@ -28,12 +29,15 @@ _AREA_PX = 15.0
 """Side of the squares that have texture or have none."""
 
 _ENDS_PX = 15.0
+"""Distance from the ends of the texture within which a frame that stands still may be in the window."""
 REST_PX = 0.05
 """Displacement (or 3 sigma) up to which a point is at rest in any case: far less than a period."""
 
 _LINEAR_PX = 4.0
-"""Motion beyond which gradients do not say what it leaves of a content at rest: that looks unlike anyhow."""
+"""Motion up to which gradients predict the difference that a content at rest shows; beyond, it does not
+match."""
 _EMPTY = 0.05
+"""Squared gradients around a point, over their upper quartile, below which there is no texture."""
 
 LEAST_STRETCH, MOST_STRETCH = 0.3, 3.0
 """Local magnifications beyond these are a fold, or a jump to another period, rather than a picture."""
@@ -184,22 +188,22 @@ def aside(texture: Float, spacing_px: float) -> Mask:
 
 
 def doubts(field: Float, sigma: Float, step: Float, shown: Mask, alike: Mask, spacing_px: float) -> Bytes:
-    """`Doubt` bits (rows, cols) of a field (rows, cols, 2) px with points spacing_px apart.
+    """`PointFlag` bits (rows, cols) of a field (rows, cols, 2) px with points spacing_px apart.
 
     sigma (rows, cols, 2) px. step (rows, cols) px: the last change of the field. shown: cells that both
     images show. alike: cells whose grey levels match.
     """
     least, most = stretch(field, spacing_px)
     found = {
-        Doubt.OUTSIDE: ~shown,
-        Doubt.MISMATCH: shown & ~alike,
-        Doubt.TEXTURE: shown & weak(sigma),
-        Doubt.UNSETTLED: shown & unsettled(sigma, step),
-        Doubt.ORDER: (least < LEAST_STRETCH) | (most > MOST_STRETCH) | _next_to_jump(field, spacing_px),
+        PointFlag.OUTSIDE: ~shown,
+        PointFlag.MISMATCH: shown & ~alike,
+        PointFlag.TEXTURE: shown & weak(sigma),
+        PointFlag.UNSETTLED: shown & unsettled(sigma, step),
+        PointFlag.ORDER: (least < LEAST_STRETCH) | (most > MOST_STRETCH) | _next_to_jump(field, spacing_px),
     }
     out = np.zeros(shown.shape, dtype=np.uint8)
     for doubt, where in found.items():
         out[where] |= np.uint8(doubt)
     sound = out == 0
-    out[sound & ~largest_island(sound)] |= np.uint8(Doubt.ORDER)
+    out[sound & ~largest_island(sound)] |= np.uint8(PointFlag.ORDER)
     return out

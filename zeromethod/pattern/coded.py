@@ -15,6 +15,7 @@ PERIODS_LCD_PX = (20.0, 23.0)
 """Within 65 px of where a place is thought to be, no two places look alike to within 3 px in both."""
 
 SHIFTS = 4
+"""Shifts of each fringe, a quarter of a period apart."""
 PICTURES = 2 * len(PERIODS_LCD_PX) * SHIFTS
 
 MOST_PARTS = 4

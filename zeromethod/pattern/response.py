@@ -13,6 +13,7 @@ from zeromethod.errors import InputError
 from zeromethod.rig.model import DisplaySpec
 
 TABLE_SIZE = 1024
+"""Entries of the table from light to code."""
 
 
 @dataclass(frozen=True, eq=False)

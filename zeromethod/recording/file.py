@@ -21,7 +21,7 @@ from zeromethod.atomic_write import check_writable
 from zeromethod.errors import InputError
 from zeromethod.recording.checksums import canonical, checksum_of
 from zeromethod.recording.growing import COMPLETE
-from zeromethod.recording.schema import ANCHORS, EVENTS, SCHEMA, SCHEMA_VERSION, STATES, Part
+from zeromethod.recording.schema import ANCHORS, EVENTS, SCHEMA, SCHEMA_VERSION, STATES, Dataset
 from zeromethod.rig.model import Rig
 from zeromethod.warp.rest import Rest
 from zeromethod.warp.validity import Flag
@@ -52,7 +52,7 @@ def check_new(path: Path) -> None:
 
 def create(
     path: Path,
-    parts: Mapping[str, Part],
+    parts: Mapping[str, Dataset],
     about: Mapping[str, Any],
     rest: Mapping[str, tuple[Image, str, str]],
     files: Mapping[str, bytes],
@@ -95,7 +95,7 @@ def _words(error: BaseException) -> str:
     return os.strerror(number) if number else " ".join(str(error).split())
 
 
-def _create(file: h5py.File, part: Part, filters: Mapping[str, Any]) -> None:
+def _create(file: h5py.File, part: Dataset, filters: Mapping[str, Any]) -> None:
     chunk = 1 if part.shape else max(1, CHUNK_BYTES // part.bytes)
     dataset = file.create_dataset(
         part.name,

@@ -20,7 +20,7 @@ from zeromethod.child_process import start_process
 from zeromethod.errors import InputError
 from zeromethod.recording.message import Item, News, Topic, send
 from zeromethod.recording.rows import Added
-from zeromethod.recording.schema import Part
+from zeromethod.recording.schema import Dataset
 from zeromethod.recording.size_limit import size_limit
 
 OPENING_S = 30.0
@@ -79,7 +79,7 @@ class Ring:
 class Line:
     """A process of its own that writes into a file, as the run's process has it."""
 
-    def __init__(self, path: Path, parts: Mapping[str, Part], largest: int) -> None:
+    def __init__(self, path: Path, parts: Mapping[str, Dataset], largest: int) -> None:
         """Start it. parts: the file's datasets. largest: bytes of a message.
 
         Raises InputError where it cannot write into the file.

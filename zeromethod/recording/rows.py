@@ -17,7 +17,7 @@ from zeromethod.loop.step import Step
 from zeromethod.recording.columns import OUTLINE_POINTS
 from zeromethod.recording.contact_images import tiles
 from zeromethod.recording.message import Write
-from zeromethod.recording.schema import ANCHORS, EVENTS, STATES, Part, number_name
+from zeromethod.recording.schema import ANCHORS, EVENTS, STATES, Dataset, number_name
 from zeromethod.rubbing import ContactStatus
 from zeromethod.surface import Surface
 
@@ -76,7 +76,7 @@ def without_arrays(step: Step) -> Step:
     return replace(step, image=None, residual=None, measured=None, shown=None, presented=presented)
 
 
-def text(words: str, part: Part, field: str) -> bytes:
+def text(words: str, part: Dataset, field: str) -> bytes:
     """Words as UTF-8, cut off at a character's end to what the field holds."""
     room = part.dtype[field].itemsize
     return words.encode("utf-8", "replace")[:room].decode("utf-8", "ignore").encode("utf-8")
@@ -85,7 +85,7 @@ def text(words: str, part: Part, field: str) -> bytes:
 class Rows:
     """Makes the items of steps and readings, in the order in which they come."""
 
-    def __init__(self, parts: Mapping[str, Part]) -> None:
+    def __init__(self, parts: Mapping[str, Dataset]) -> None:
         """parts: the file's datasets, by name."""
         self._parts = parts
         self._pictures = 0

@@ -35,7 +35,7 @@ ANCHORS: tuple[AnchorMode, ...] = ("none", "known", "quiet")
 
 
 @dataclass(frozen=True)
-class Part:
+class Dataset:
     """One dataset. dtype, shape: of an item. units, meaning: its attributes; of a table, those of `fields`.
 
     kept: which of `KEEP` it goes with, "" where it is always there.
@@ -111,7 +111,7 @@ def parts(
     keep: Collection[str] = KEEP,
     every: int = 1,
     fine_shape: tuple[int, int] | None = None,
-) -> dict[str, Part]:
+) -> dict[str, Dataset]:
     """Datasets that grow, by name. image_shape: (rows, cols) px. grid_shape: (rows, cols) nodes.
 
     fine_shape: pixels (rows, cols) of fine surfaces; None: the run reads none.
@@ -122,18 +122,18 @@ def parts(
     if fine_shape is not None:
         lattice = grid_shape[0] - 2 * PADDING, grid_shape[1] - 2 * PADDING
         shapes |= {"pixels": fine_shape, "pixel pairs": (*fine_shape, 2), "lattice": lattice}
-    groups: dict[str, list[Part]] = {}
+    groups: dict[str, list[Dataset]] = {}
     for name, kind, shape, units, meaning in ARRAYS:
         group = name.rpartition("/")[0]
         kept = _KEPT.get(group, group.partition("/")[0])
         left_out = kept == "fine" and fine_shape is None
         if left_out or (kept and kept not in keep) or (group == "pictures" and every != 1):
             continue
-        number = Part(number_name(group), np.dtype("i8"), (), "", _NUMBERS.get(group, _OF_STEP), kept)
+        number = Dataset(number_name(group), np.dtype("i8"), (), "", _NUMBERS.get(group, _OF_STEP), kept)
         dtype = np.dtype("u2" if shape == "image" and bits > 8 else kind)
         own = groups.setdefault(group, [number])
-        own.append(Part(name, dtype, shapes[shape], units, meaning, kept))
-    found: list[Part] = []
+        own.append(Dataset(name, dtype, shapes[shape], units, meaning, kept))
+    found: list[Dataset] = []
     for name, (fields, meaning) in TABLES.items():
         table = _table(name, fields, meaning)
         found += [table, _checksums(name, [table])]
@@ -154,11 +154,13 @@ _NUMBERS = {
 }
 
 
-def _table(group: str, fields: Fields, meaning: str, kept: str = "", name: str = "table") -> Part:
-    return Part(f"{group}/{name}", row_dtype(fields), (), "see the attribute `fields`", meaning, kept, fields)
+def _table(group: str, fields: Fields, meaning: str, kept: str = "", name: str = "table") -> Dataset:
+    return Dataset(
+        f"{group}/{name}", row_dtype(fields), (), "see the attribute `fields`", meaning, kept, fields
+    )
 
 
-def _checksums(group: str, own: Collection[Part], kept: str = "") -> Part:
+def _checksums(group: str, own: Collection[Dataset], kept: str = "") -> Dataset:
     """Dataset with the checksums of a group's others."""
     fields = {part.name.rpartition("/")[2]: ("u8", "", f"checksum of {part.name}") for part in own}
     return _table(group, fields, CHECKSUM_MEANING, kept, CHECKSUMS)

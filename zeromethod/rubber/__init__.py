@@ -1,1 +1,4 @@
-"""How a rig's rubber yields: the prism as it is, with its other faces and what holds them."""
+"""Elasticity of the simulated bench: the whole prism, with all its faces and supports, in finite elements.
+
+Readings use `zeromethod.mechanics` instead, which shares only the half-space's closed form (`boussinesq`).
+"""

@@ -13,6 +13,7 @@ _NEAR_PX = 6
 _LEAST_PX = 20
 """Area of the smallest spots that count, pixels: smaller ones come and go with the noise."""
 _LEAST_ENDED = 3
+"""Spots that must have ended for their mean life to be known."""
 
 
 class SpotLife:

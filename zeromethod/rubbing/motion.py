@@ -23,7 +23,10 @@ _SUNK_SHARE = 0.6
 """Standard deviation as a share of the shift that a change of the mirror's depth makes: the depth inside a
 contact is not measured, so that none of this shift may be real, or all."""
 _BLUR_PX = 1.5
+"""Standard deviation of the blur before images are compared: borders of spots are then linear over a
+pixel."""
 _PASSES = 4
+"""Newton steps from the best whole pixel."""
 _ALIKE_PX2, _ALIKE_HALVES = 30.0, 8.0
 """So many pixels have errors in common, those along one spot's border: in the image, and in the one of half
 the resolution."""

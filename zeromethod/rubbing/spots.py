@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from zeromethod.arrays import Bytes, Float, Mask, Single
+from zeromethod.arrays import Float, Mask, Single
 from zeromethod.contact.contact import Contact, ContactImage
 from zeromethod.contact.median import median
-from zeromethod.contact.pieces import pieces
+from zeromethod.contact.pieces import disc, pieces
 
 RIM_MM = 1.0
 """Rim of the contact that is left out: fringes of the carrier there are as dark as spots."""
@@ -26,8 +26,11 @@ _REACH, _RING_PX = 2.0, 2
 """A border's blur reaches so many of its standard deviations; width of the ring beyond, in which the light
 beside a spot is measured."""
 _LEAST_PX = 5
+"""Pixels of the smallest spot; what is smaller is noise."""
 _FEWEST, _FEWEST_PX = 3, 400
+"""Least number of spots, and of pixels inside the contact's rim, for anything to be said."""
 _MARGIN_PX = 12
+"""Margin of the cropped image, so that blurs reach beyond the contact."""
 _GREY = 0.22, 0.18
 """Steep rubber beside a spot looks grey, so that its border seems further out than it is: by how much, and
 the standard deviation of that, over the standard deviation of the blur. (0 where the grey rim is wider than
@@ -123,7 +126,7 @@ def _covered(light: Single, seed: Mask, tip: float, blur_px: float) -> Single:
     grey.
     """
     reach = max(1, round(_REACH * blur_px))
-    grown = [cv2.dilate(seed.view(np.uint8), _disc(2 * k + 1)) > 0 for k in (reach, reach + _RING_PX)]
+    grown = [cv2.dilate(seed.view(np.uint8), disc(2 * k + 1)) > 0 for k in (reach, reach + _RING_PX)]
     ring = (grown[1] & ~grown[0]).astype(np.float32)
     weight = cv2.GaussianBlur(ring, (0, 0), reach)
     beside = cv2.GaussianBlur(ring * light, (0, 0), reach) / np.maximum(weight, 1e-6)
@@ -191,7 +194,3 @@ def _hull(mask: Mask) -> Mask:
     filled = np.zeros(mask.shape, np.uint8)
     cv2.fillConvexPoly(filled, cv2.convexHull(cv2.findNonZero(mask.view(np.uint8))), 1)
     return np.asarray(filled > 0)
-
-
-def _disc(side: int) -> Bytes:
-    return np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side)), np.uint8)

@@ -1,17 +1,16 @@
-"""The residual sensor: camera image to residual."""
+"""What turns camera images into residuals: the protocol, and the sensor of all targets."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from typing import Protocol
 
 import numpy as np
 
-from zeromethod.arrays import Float, Mask, Single
+from zeromethod.arrays import Float, Image, Mask, Single
 from zeromethod.errors import InputError
 from zeromethod.rig.model import Noise, Rig
 from zeromethod.sensing.carrier import CarrierEstimator, take_out
-from zeromethod.sensing.demodulate import Image
-from zeromethod.sensing.gradient import GradientEstimator
+from zeromethod.sensing.gradient import GradientEstimator, Light
 from zeromethod.sensing.residual import Limits, Residual
 from zeromethod.sensing.shading import flag_light_edges, level, noise_factor
 from zeromethod.sensing.unwrap import Unwrapper
@@ -19,9 +18,6 @@ from zeromethod.warp.grid import PADDING, NodeGrid
 from zeromethod.warp.validity import Flag
 
 _OUTSIDE = np.uint16(Flag.OUTSIDE)
-
-Light = Callable[[Float, Float], Float]
-"""The target's light at camera pixels (u, v); see `Target.light`."""
 
 
 def carrier_origin(kind: str, period_px: int, light: Light | None) -> tuple[float, float]:
@@ -36,6 +32,32 @@ def carrier_origin(kind: str, period_px: int, light: Light | None) -> tuple[floa
     if kind == "checker":
         return float(np.angle(spectrum[1, 1])), float(np.angle(spectrum[-1, 1]))
     return float(np.angle(spectrum[0, 1])), float(np.angle(spectrum[1, 0]))
+
+
+class Sensor(Protocol):
+    """What turns an image into the residual."""
+
+    def measure(
+        self,
+        image: Image,
+        guess: Float | None = None,
+        continued: Float | None = None,
+        *,
+        light_share: Single | None = None,
+        target_rad: Float | None = None,
+    ) -> Residual:
+        """Residual of a (rows, cols) image; guess: (rows, cols, 2) px expected, NaN = none.
+
+        continued: the same of all nodes. light_share: (rows, cols) of the image, light expected over that at
+        rest; None = as at rest.
+        target_rad: (rows, cols, 2) known phase of the target along its two carriers; None = 0.
+        """
+
+    def set_reference(self, residual: Residual | None) -> None:
+        """Take the brightness to hold later frames against from a residual; None forgets."""
+
+    def scale_reference(self, ratio: float) -> None:
+        """Expect this many times the light, as of another exposure."""
 
 
 class ResidualSensor:
@@ -56,8 +78,6 @@ class ResidualSensor:
         Of the camera; grey 2^bits - 1 counts as clipped.
     light : callable, optional
         The target's light at camera pixels (u, v) (`Target.light`); needed for noise and lattice.
-    limits : Limits, optional
-        Beyond which nodes are flagged.
     covered : (rows, cols) bool, optional
         Nodes where something else than the target is drawn; they count as OUTSIDE.
 
@@ -75,7 +95,6 @@ class ResidualSensor:
         bits: int,
         *,
         light: Light | None = None,
-        limits: Limits | None = None,
         covered: Mask | None = None,
         parted: bool = False,
     ) -> None:
@@ -86,8 +105,7 @@ class ResidualSensor:
         if min(grid.shape) <= 2 * PADDING:
             raise InputError(f"ResidualSensor: grid: {grid}: the image must be larger than 2 periods")
         self.grid, self.kind, self.bits = grid, kind, bits
-        limits = limits or Limits()
-        ceiling = 2**bits - 1
+        limits, ceiling = Limits(), 2**bits - 1
         self._estimator: CarrierEstimator | GradientEstimator
         if kind == "noise" and light is not None:
             self._estimator = GradientEstimator(grid, noise, ceiling, limits, light)

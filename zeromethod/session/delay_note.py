@@ -1,4 +1,4 @@
-"""What is said of the delay round the loop, once it is known."""
+"""The note on the delay round the loop, given to the operator once the delay is known."""
 
 from __future__ import annotations
 

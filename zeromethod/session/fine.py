@@ -34,11 +34,13 @@ EVERY_S = 0.4
 STEP = 16
 """Pictures per period of a moving target where the rig's stands still: at most 8 % of contrast is lost."""
 _OLDEST_S = 1.5
-_PATIENCE_S = 60.0
-_CLOSING_S = 0.4
+"""Age beyond which a frame is not read together with the newest."""
+_PATIENCE_S, _CLOSING_S = 60.0, 0.4
+"""How long a reading may take before its process is given up, and how long the end of a run waits for it."""
 _BYTES_PER_NODE, _BYTES_PER_PIXEL = 260, 12
 """Shared memory: warps and phases of a frame per node; per pixel of the surface, with its images."""
 _FOLLOWED = NULLED | {State.NULLING}
+"""States in which frames are read: a mirror that moves is never quite nulled."""
 
 
 def with_moving_target(rig: Rig) -> Rig:

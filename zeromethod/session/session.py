@@ -29,6 +29,7 @@ from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
 from zeromethod.rubbing import RubbingReader
 from zeromethod.session.delay_note import DelayNote
+from zeromethod.session.dirt import DirtCorrection
 from zeromethod.session.fine import FineReadings, with_moving_target
 from zeromethod.session.interaction import interaction
 from zeromethod.session.outputs import Record, StepPublisher, publishing
@@ -38,7 +39,6 @@ from zeromethod.session.run_recording import RunRecording
 from zeromethod.session.summary import Figures, summarise
 from zeromethod.session.surfaces import Surfaces
 from zeromethod.session.trust import is_readable, with_stated_geometry
-from zeromethod.session.uneven_rest import UnevenRest
 from zeromethod.session.watching import watching
 from zeromethod.surface import Surface, SurfaceReader
 from zeromethod.surface.comparison import AT_REST, TruthSource, compare, usable_nodes
@@ -117,7 +117,7 @@ class Session:
             self._forces = ForceReader(self.rig)
             self._rubbing = RubbingReader(border_blur_px(self.rig)) if self.rig.control.rubbing else None
             self._touched: tuple[Contact, ...] = ()
-            self._uneven = UnevenRest(self.loop.q_rest, under_cloth=self.rig.under_cloth)
+            self._dirt = DirtCorrection(self.loop.q_rest, under_cloth=self.rig.under_cloth)
             self._lamp = Lamp(self._grid) if self.rig.control.lamp and not self.rig.control.passive else None
             self.interaction = stack.enter_context(interaction(self.rig, opened))
             self._publisher = stack.enter_context(publishing(publisher, self._devices.clock))
@@ -278,7 +278,7 @@ class Session:
         return calls
 
     def _post_end(self, reading: StepReader) -> None:
-        """Whoever follows the run learns how it ended."""
+        """Publish, record and keep the step that ended the run."""
         self.result.dropped_refreshes = dropped_refreshes_of(self._devices.display)
         if self.loop.ended is not None:
             reading.post(self.loop.ended)
@@ -288,9 +288,9 @@ class Session:
             self.result.end(ended.pointers)
 
     def _begin(self, step: Step) -> None:
-        """Take dirt off one step's warp, and begin to read it."""
+        """Correct one step's warp for dirt, and begin to read it."""
         assert step.measured is not None
-        self._surfaces.begin(step.number, self._uneven.levelled(step.measured, step.state, step.zero))
+        self._surfaces.begin(step.number, self._dirt.corrected(step.measured, step.state, step.zero))
 
     def _read(self, step: Step) -> Step:
         """Read one step; in real time in a thread of its own."""
@@ -328,7 +328,7 @@ class Session:
 
     @cached_property
     def _filtered_reader(self) -> SurfaceReader:
-        """Apart from the one that reads, whose weights remember the warps before."""
+        """Reader of the controller's estimates; its own, as weights depend on the warps read before."""
         return SurfaceReader(self.rig, self._optics, self._grid)
 
     def _collect(self, reading: StepReader) -> Step | None:

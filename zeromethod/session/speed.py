@@ -30,6 +30,7 @@ FRAMES = 36
 """Simulated frames that the loop answers; the first `WARM_UP_FRAMES` are not counted."""
 WARM_UP_FRAMES = 6
 RECORDING_S = 3.0
+"""How long recording is timed."""
 SLICES = 6
 """Steps of the progress bar while recording."""
 STEPS = FRAMES + SLICES

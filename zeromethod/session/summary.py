@@ -27,7 +27,9 @@ _FOLLOWING = GOOD | {State.NULLING}
 """A moving press is never quite nulled; every frame that was measured counts."""
 
 _SEES_TARGET = GOOD | {State.UNCALIBRATED, State.MOVED, State.COVERED}
+"""States that no run is blamed for: it is nulled, or something covers the mirror."""
 _TAIL_S, _LEAST_TAIL_S = 5.0, 1.0
+"""End of a run without a scenario that must be nulled, and its least length in a short run."""
 
 _LIBRARIES = ("zeromethod", "numpy", "scipy", "numba", "opencv-contrib-python-headless", "moderngl")
 
@@ -37,13 +39,13 @@ def _versions() -> Mapping[str, str]:
     return {name: version(name) for name in _LIBRARIES}
 
 
-def lock_frames(records: list[StepFigures], phase: str = "hold") -> int | None:
-    """Frames from the start of `phase` (of the run, where there is none) to the first locked one.
+def lock_frames(records: list[StepFigures]) -> int | None:
+    """Frames from the start of the hold (of the run, where there is none) to the first locked one.
 
     Locked: residual rms below 0.05 camera px for three consecutive frames; the first of the three counts.
     None: never locked.
     """
-    inside = [record for record in records if record.phase == phase] or records
+    inside = [record for record in records if record.phase == "hold"] or records
     run_length = 0
     for index, record in enumerate(inside):
         run_length = run_length + 1 if record.residual_rms_px < LOCK_RESIDUAL_PX else 0

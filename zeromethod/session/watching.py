@@ -1,4 +1,4 @@
-"""A run's watch camera: what it sees come is added to every step, and arms the loop."""
+"""A run's watch camera: the approaching object that it sees is added to every step, and arms the loop."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from zeromethod.approach import Approach, Watch
 from zeromethod.clock import Clock
-from zeromethod.devices.watch import watch_opener
+from zeromethod.devices.watch_camera import watch_opener
 from zeromethod.loop.loop import Loop
 from zeromethod.loop.step import Step
 from zeromethod.rig.model import Rig
@@ -39,7 +39,7 @@ def approach_rows(seen: Iterable[tuple[int, Approach | None]], start_ns: int) ->
 
 @contextmanager
 def watching(rig: Rig, clock: Clock, loop: Loop) -> Iterator[Callable[[Step], Step]]:
-    """What adds to a step what the rig's watch camera sees come, and arms or disarms the loop for the next.
+    """A function that adds the watch camera's result to a step, and arms or disarms the loop for the next.
 
     Without a watch camera, steps stay as they are. Raises InputError where it cannot be opened or sees
     nothing.

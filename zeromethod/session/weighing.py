@@ -23,6 +23,7 @@ RUBBER_MPA = (0.001, 100.0)
 GRAVITY_M_S2 = 9.81
 """From equator to poles, and up to 2 km high, it is this within 0.3 %."""
 _GRAVITY_SIGMA = 0.0015
+"""Relative standard deviation of that."""
 _FRAMES = 32
 """Frames of which a mean is taken; as many at rest come first."""
 _STILL = 0.003
@@ -61,10 +62,10 @@ class Weighed:
 
 
 @dataclass(frozen=True)
-class Before:
-    """The modulus that a rig file had, and its sigma with what was open of Poisson's ratio, MPa.
+class ModulusBefore:
+    """The modulus in the rig file before a weighing, and its sigma with that of Poisson's ratio, MPa.
 
-    off_sigmas: what is found less that, over both sigmas.
+    off_sigmas: the modulus found less this one, over the sigma of the difference.
     """
 
     youngs_modulus_mpa: float
@@ -72,7 +73,7 @@ class Before:
     off_sigmas: float
 
     @classmethod
-    def of(cls, rubber: Rubber, found: Weighed) -> Before | None:
+    def of(cls, rubber: Rubber, found: Weighed) -> ModulusBefore | None:
         """That of a rig's rubber; None where it had none."""
         if (had := rubber.youngs_modulus_mpa) is None:
             return None

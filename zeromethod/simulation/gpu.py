@@ -12,7 +12,7 @@ from zeromethod.arrays import Bytes, Single
 from zeromethod.gl import create_context, unfiltered
 from zeromethod.rig.model import Rig
 from zeromethod.simulation.gpu_light import CameraLight, PanelLight
-from zeromethod.simulation.gpu_rays import RayTracer, Region
+from zeromethod.simulation.gpu_rays import LcdRegion, RayTracer
 from zeromethod.simulation.press import Mirror
 from zeromethod.simulation.renderer import Handle, Piece, by_mirror, check_picture, mirror_shares
 
@@ -89,7 +89,7 @@ class GpuRenderer:
                     region = region.joined(ghost.region)
                 scattered = maps[0].scattered
                 if scattered is not None:
-                    region = Region(0, 0, self._display.columns, self._display.rows)
+                    region = LcdRegion(0, 0, self._display.columns, self._display.rows)
                 lit = [(self._texture(self._pictures[handle]), share) for handle, share in shares.items()]
                 panel = self._panel.draw(list(shares), lit, region)
                 for ray_map in maps:

@@ -14,8 +14,8 @@ from zeromethod.rig.model import Rig
 from zeromethod.simulation.beams import MOST_FOCUS
 from zeromethod.simulation.gpu_lens import lens_defines
 from zeromethod.simulation.gpu_projected import ProjectedLight
-from zeromethod.simulation.gpu_rays import RayMap, Region
-from zeromethod.simulation.gpu_target import Pass, RenderTarget
+from zeromethod.simulation.gpu_rays import LcdRegion, RayMap
+from zeromethod.simulation.gpu_target import RenderTarget, ShaderPass
 
 Lit = Sequence[tuple[moderngl.Texture, Float]]
 """Pictures (8-bit red, LCD size) and the share (lcd rows,) that each row gives of their light."""
@@ -32,8 +32,8 @@ class PanelLight:
         response = Response.from_rig(rig.display)
         regions = response.exponent is not None
         shader = program(context, "bench_screen.vert", "bench_panel.frag", REGIONS=int(regions))
-        self._pass = Pass(context, shader)
-        self._packing = Pass(context, program(context, "bench_screen.vert", "bench_five.frag"))
+        self._pass = ShaderPass(context, shader)
+        self._packing = ShaderPass(context, program(context, "bench_screen.vert", "bench_five.frag"))
         self._fixed = {"response": float_texture(context, response.light(np.arange(256))[None])}
         if regions:
             self._fixed["exponents"] = float_texture(
@@ -41,7 +41,7 @@ class PanelLight:
             )
         self._shares = float_texture(context, np.zeros((rig.display.rows, 1)))
         self._shown: list[tuple[int, Float]] = []
-        self._region = Region(0, 0, 0, 0)
+        self._region = LcdRegion(0, 0, 0, 0)
         self._mean: float | None = None
 
     def mean(self) -> float:
@@ -50,7 +50,7 @@ class PanelLight:
             self._mean = float(self._sum.read().mean())
         return self._mean
 
-    def draw(self, names: Sequence[int], lit: Lit, region: Region) -> moderngl.Texture:
+    def draw(self, names: Sequence[int], lit: Lit, region: LcdRegion) -> moderngl.Texture:
         """Texture with the light of `lit` in `region`, as bench_five.frag packs it.
 
         Texel (i, j) holds columns i to i + 4 of row j; beyond the panel they are dark. `names` identify
@@ -109,8 +109,8 @@ class CameraLight:
             **lens_defines(rig.camera.psf_px),
         }
         light = program(context, "bench_screen.vert", "bench_light.frag", **defines)
-        self._light = Pass(context, light)
-        self._scatter = Pass(context, program(context, "bench_screen.vert", "bench_scatter.frag"))
+        self._light = ShaderPass(context, light)
+        self._scatter = ShaderPass(context, program(context, "bench_screen.vert", "bench_scatter.frag"))
         self._projected = ProjectedLight(context, rig) if rig.projector is not None else None
 
     def start(self) -> None:

@@ -11,7 +11,7 @@ from zeromethod.arrays import Single
 from zeromethod.gl import float_texture, program
 from zeromethod.rig.model import Rig
 from zeromethod.simulation.gpu_bench import mirror_middle_mm
-from zeromethod.simulation.gpu_target import Pass, RenderTarget
+from zeromethod.simulation.gpu_target import RenderTarget, ShaderPass
 from zeromethod.simulation.projected import true_map
 
 
@@ -22,7 +22,7 @@ class ProjectedLight:
         self._context = context
         x, y, _ = mirror_middle_mm(rig.prism)
         self._to_px = true_map(rig) @ np.array([[1, 0, x], [0, 1, y], [0, 0, 1]])
-        self._pass = Pass(context, program(context, "bench_screen.vert", "bench_projected.frag"))
+        self._pass = ShaderPass(context, program(context, "bench_screen.vert", "bench_projected.frag"))
         self._picture: moderngl.Texture | None = None
         self._of: Single | None = None
 

@@ -7,7 +7,7 @@ import moderngl
 from zeromethod.gl import program
 from zeromethod.optics.pupil import footprint_terms
 from zeromethod.rig.model import Rig
-from zeromethod.simulation.gpu_target import Pass, RenderTarget, constants
+from zeromethod.simulation.gpu_target import RenderTarget, ShaderPass, constants
 from zeromethod.simulation.pupil import ON_RING, SAMPLES
 
 _MEAN, _SPREAD, _LIGHT = range(3)
@@ -22,7 +22,7 @@ class GpuPupil:
         shifts = constants({f"shift_{k}": term for k, term in enumerate(terms)})
         unit = 1 / (rig.camera.psf_px**2 + 1 / 12)
         self._parts = [
-            Pass(
+            ShaderPass(
                 context,
                 program(
                     context, "bench_screen.vert", "bench_pupil.frag",

@@ -25,7 +25,7 @@ from zeromethod.simulation.gpu_mirror import (
     rest_values,
 )
 from zeromethod.simulation.gpu_pupil import GpuPupil
-from zeromethod.simulation.gpu_target import Pass, RenderTarget, constants
+from zeromethod.simulation.gpu_target import RenderTarget, ShaderPass, constants
 from zeromethod.simulation.gpu_touch import cloth_values, level_texture, touch_values
 from zeromethod.simulation.press import Dent, Mirror
 from zeromethod.simulation.projected import threads_view
@@ -42,7 +42,7 @@ _SCATTERED, _SENT_BACK = -1, -2
 """Instead of a beam: the light that objects scatter; what the pattern's side sends back of a cloth's."""
 
 
-class Region(NamedTuple):
+class LcdRegion(NamedTuple):
     """LCD px, columns and rows from (included) to (not included)."""
 
     left: int
@@ -50,9 +50,9 @@ class Region(NamedTuple):
     right: int
     bottom: int
 
-    def joined(self, other: Region) -> Region:
+    def joined(self, other: LcdRegion) -> LcdRegion:
         """Smallest region that contains both."""
-        return Region(
+        return LcdRegion(
             min(self.left, other.left),
             min(self.top, other.top),
             max(self.right, other.right),
@@ -74,7 +74,7 @@ class RayMap:
     rays: RenderTarget
     footprints: RenderTarget
     share: float
-    region: Region
+    region: LcdRegion
     scattered: RenderTarget | None = None
     sent_back: RenderTarget | None = None
 
@@ -98,13 +98,13 @@ class RayTracer:
         self._rest = rest_texture(context, rig.prism.rest)
         self._cloth = cloth_of(rig)
         self._weave = None if self._cloth is None else float_texture(context, self._cloth.weave)
-        self._passes: dict[tuple[object, ...], Pass] = {}
+        self._passes: dict[tuple[object, ...], ShaderPass] = {}
         self._footprint, self._wide_footprint = (
-            Pass(context, program(context, "bench_screen.vert", "bench_footprint.frag", PUPIL=pupil))
+            ShaderPass(context, program(context, "bench_screen.vert", "bench_footprint.frag", PUPIL=pupil))
             for pupil in (0, 1)
         )
         bounds = program(context, "bench_screen.vert", "bench_bounds.frag", BLOCK=_BLOCK)
-        self._bounds = Pass(context, bounds, {"reach": reach_px(rig.camera.psf_px)})
+        self._bounds = ShaderPass(context, bounds, {"reach": reach_px(rig.camera.psf_px)})
         size = rig.camera.columns, rig.camera.rows
         self._size = size
         self._tiles = RenderTarget(context, (-(-size[0] // _BLOCK), -(-size[1] // _BLOCK)), 4)
@@ -162,7 +162,7 @@ class RayTracer:
 
     def _empty(self) -> list[RayMap]:
         context, size = self._context, self._size
-        nothing = Region(0, 0, 0, 0)
+        nothing = LcdRegion(0, 0, 0, 0)
         return [
             RayMap(RenderTarget(context, size, 4), RenderTarget(context, size, 4), share, nothing)
             for _, share in self._ways
@@ -221,7 +221,7 @@ class RayTracer:
             light = mean
         ray_map.scattered = light
 
-    def _pass(self, dents: tuple[Dent, ...], touches: int, way: int) -> Pass:
+    def _pass(self, dents: tuple[Dent, ...], touches: int, way: int) -> ShaderPass:
         key = (way, touches, *(dent.shape for dent in dents))
         if key not in self._passes:
             defines: dict[str, Any] = {
@@ -241,10 +241,10 @@ class RayTracer:
             steps = {"newton_steps": NEWTON_STEPS}
             if self._rig.prism.teeth is not None and way >= 0:
                 steps["most_faces"] = MOST_FACES
-            self._passes[key] = Pass(self._context, made, steps)
+            self._passes[key] = ShaderPass(self._context, made, steps)
         return self._passes[key]
 
-    def _region(self, ray_map: RayMap) -> Region:
+    def _region(self, ray_map: RayMap) -> LcdRegion:
         samplers = {"rays": ray_map.rays.texture, "footprints": ray_map.footprints.texture}
         self._bounds.draw(self._tiles, samplers)
         tiles = self._tiles.read()
@@ -253,4 +253,4 @@ class RayTracer:
         display = self._rig.display
         low = np.clip(low, 0, (display.columns - 1, display.rows - 1)).astype(int)
         high = np.clip(high, low + 1, (display.columns, display.rows)).astype(int)
-        return Region(int(low[0]), int(low[1]), int(high[0]), int(high[1]))
+        return LcdRegion(int(low[0]), int(low[1]), int(high[0]), int(high[1]))

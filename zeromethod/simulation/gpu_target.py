@@ -47,7 +47,7 @@ class RenderTarget:
         self.texture.release()
 
 
-class Pass:
+class ShaderPass:
     """A program whose fragment shader fills a target; takes over the program."""
 
     def __init__(

@@ -27,7 +27,7 @@ _KEPT_INSTANTS = 4
 
 
 @dataclass(frozen=True)
-class MapLattice:
+class MapPlacement:
     """Where a map lies: middle (x, y) in mm, pitch in mm; rows along y, columns along x."""
 
     centre_mm: tuple[float, float]
@@ -41,7 +41,7 @@ class MovingMap:
     newest few are kept.
     """
 
-    def __init__(self, lattice: MapLattice, times_ns: Sequence[int], coefficients: Maps) -> None:
+    def __init__(self, lattice: MapPlacement, times_ns: Sequence[int], coefficients: Maps) -> None:
         """times_ns: rising. coefficients: of map number index, (rows, cols) in mm, always of one shape."""
         self._lattice = lattice
         self._times_ns = list(times_ns)

@@ -142,7 +142,7 @@ def _load_map(where: str, file: Path) -> Float:
     return np.asarray(samples, dtype=np.float64)
 
 
-class Presses(NamedTuple):
+class PressFileContent(NamedTuple):
     """What a press file holds."""
 
     presses: tuple[PressPath, ...]
@@ -151,7 +151,7 @@ class Presses(NamedTuple):
     phases: tuple[Phase, ...]
 
 
-def read_press_file(path: Path, asked: str) -> Presses:
+def read_press_file(path: Path, asked: str) -> PressFileContent:
     """Content of a press file; `asked` is what the user called it.
 
     Raises InputError with one line.
@@ -175,4 +175,4 @@ def read_press_file(path: Path, asked: str) -> Presses:
         table.press(f"{path}: press[{index}]", path.parent) for index, table in enumerate(file.press)
     )
     objects = tuple(table.path_of(number) for number, table in enumerate(file.object))
-    return Presses(presses, objects, file.duration(), file.phase)
+    return PressFileContent(presses, objects, file.duration(), file.phase)

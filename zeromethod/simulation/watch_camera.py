@@ -14,7 +14,7 @@ from zeromethod.arrays import Float, Image, Mask
 from zeromethod.clock import Clock, HostClock
 from zeromethod.devices.protocols import CameraLost, CameraTimeout, Frame
 from zeromethod.errors import InputError
-from zeromethod.optics.camera import Camera
+from zeromethod.optics.camera import CameraModel
 from zeromethod.optics.layers import through_slabs
 from zeromethod.optics.mirror import Dented, Flat, height_field, normal_of
 from zeromethod.optics.prism import PrismGeometry
@@ -124,7 +124,7 @@ class SimulatedWatchCamera:
 
 def _inside_rays(rig: Rig, spec: WatchSpec) -> tuple[Float, Float]:
     """Points on the camera face and directions in the rubber, each (rows, cols, 3); NaN beside the face."""
-    half, pose = spec.columns // 2, Camera.place(spec)
+    half, pose = spec.columns // 2, CameraModel.place(spec)
     assert spec.focal_px is not None
     matrix = np.array([[spec.focal_px[0], 0, 0], [0, spec.focal_px[1], 0], [0, 0, 1.0]])
     face = PrismGeometry(rig.prism).camera_face

@@ -14,7 +14,7 @@ from zeromethod.errors import InputError
 from zeromethod.rig.binning import binned
 from zeromethod.rig.model import Rig, replaced
 from zeromethod.rig.refusal import first_refusal
-from zeromethod.study.task import PressTable
+from zeromethod.study.task import StudyPress
 
 
 def with_settings(rig: Rig, settings: Mapping[str, Any], binning: int, where: Path) -> Rig:
@@ -37,9 +37,9 @@ def with_settings(rig: Rig, settings: Mapping[str, Any], binning: int, where: Pa
         raise InputError(f"{where}: rig.{error}") from None
 
 
-def press_with(table: Mapping[str, Any], settings: Mapping[str, Any], where: Path) -> PressTable:
+def press_with(table: Mapping[str, Any], settings: Mapping[str, Any], where: Path) -> StudyPress:
     """Press with values of `settings` ("depth_mm", ...) in place of its own; InputError as above."""
     try:
-        return PressTable.model_validate_json(json.dumps({**table, **settings}, default=str), strict=True)
+        return StudyPress.model_validate_json(json.dumps({**table, **settings}, default=str), strict=True)
     except ValidationError as error:
-        raise InputError(f"{where}: press.{first_refusal(error, PressTable)}") from None
+        raise InputError(f"{where}: press.{first_refusal(error, StudyPress)}") from None

@@ -21,7 +21,7 @@ Figures = Mapping[str, Any]
 """Numbers, words, true or false, None; by dotted names."""
 
 
-class PressTable(Table):
+class StudyPress(Table):
     """One press in place of the rig's.
 
     size_mm: Gaussian and edge sigma, ball radius, cone contact radius. It comes down at `at_s`, within
@@ -77,7 +77,7 @@ class Task:
     procedure: str
     rig: Rig
     bench: Rig | None = None
-    press: PressTable | None = None
+    press: StudyPress | None = None
     frames: int | None = None
     seconds: float | None = None
     settings: Mapping[str, Any] = field(default_factory=dict)

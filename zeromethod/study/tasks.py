@@ -21,7 +21,7 @@ from zeromethod.study.axes import DRAW_WORDS, RANGE_WORDS, not_a_word
 from zeromethod.study.plan import Point, Study
 from zeromethod.study.runs import procedure
 from zeromethod.study.settings import press_with, with_settings
-from zeromethod.study.task import PressTable, Procedure, Task
+from zeromethod.study.task import Procedure, StudyPress, Task
 
 _FILE, _BINNING, _RECORDING = "rig.file", "rig.binning", "recording"
 _BENCH, _PRESS = "bench.", "press."
@@ -150,7 +150,7 @@ def _scenario_exists(name: str) -> None:
 def _check_keys(study: Study, chosen: Procedure) -> None:
     """Raise InputError, one line, for the first key under [set], [grid] or [random] that is unknown."""
     rig = _dotted(Rig)
-    press = [_PRESS + name for name in PressTable.model_fields]
+    press = [_PRESS + name for name in StudyPress.model_fields]
     known = [
         _FILE,
         _BINNING,

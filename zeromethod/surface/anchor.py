@@ -37,10 +37,12 @@ _RING_SHARE = 0.16
 _CORE_SHARE = 0.6
 """Share of the ring's weight that must agree on the constant: a smaller flat top is outvoted."""
 _MIN_NODES = 16
+"""Nodes of the ring below which all of the island serves as the ring."""
 _SAME_MM, MOST_CHOICES = 5e-8, 8
 """Change of the anchor's depth below which its nodes are the same, and how often they are chosen at most."""
 _LEAST_FALL, _USUAL_FALL, _MOST_FALL = 0.1, 0.8, 2.0
-"""How fast what a choice is off falls with what was taken out of its slopes, at least and at most."""
+"""Bounds of the secant's slope, and its value in the first step: decrease of a choice's error per multiple of
+the gradient that is taken out of the slopes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +61,7 @@ class RestFit:
 
 
 @dataclass(frozen=True, slots=True)
-class KnownReading:
+class NodeReadings:
     """What was read, (rows, cols): depth, h, variance of depth / h, mm^2; slope, its variance (..., 2)."""
 
     x_mm: Float
@@ -88,14 +90,14 @@ def fit_known(nodes: Mask, scale: Float) -> RestFit:
 
 
 def known_misfit(
-    fit: RestFit, reading: KnownReading, known_rest: Sequence[KnownRest], overlap: float
+    fit: RestFit, reading: NodeReadings, known_rest: Sequence[KnownRest], overlap: float
 ) -> tuple[RestFit, Float]:
-    """The fit with what its nodes are in fact off rest in its sigma, and what that may be elsewhere.
+    """The fit with sigma by how far its nodes are from rest after all, and the error that implies elsewhere.
 
-    Nodes off rest are a bench that moved, or a rim that is not clamped. Their depths, beyond noise, are off
-    by as much everywhere. Their mean slope, which at rest is 0, goes on to other nodes with the distance from
-    the nearest place known: (rows, cols) mm of depth / h, 0 in the places. overlap: number of nodes that
-    share their noise.
+    They are not at rest where the bench moved, or a rim is not clamped. All depths may be off by as much as
+    theirs are beyond noise. Their mean slope, 0 at rest, may go on to other nodes: an error that grows with
+    the distance from the nearest known place, (rows, cols) mm of depth / h, 0 in the places. overlap: number
+    of nodes that share their noise.
     """
     w, x, y = fit.weights, reading.x_mm, reading.y_mm
     off2 = float((w * ((reading.depth_mm / reading.scale) ** 2 - reading.noise2))[w > 0.0].sum())
@@ -149,9 +151,10 @@ class Border:
 
 
 class _Choice(NamedTuple):
-    """Mean depth / h, mm, of nodes with weights (rows, cols); their flat numbers, and the deepest node.
+    """One choice of quiet nodes.
 
-    slope2: (rows, cols) squared slope of the blocks, by which they were chosen.
+    at_mm: their mean depth / h with `weights` (rows, cols). nodes: their flat numbers. deepest: node. slope2:
+    (rows, cols) squared slope of the blocks, by which they were chosen.
     """
 
     at_mm: float
@@ -161,8 +164,8 @@ class _Choice(NamedTuple):
     slope2: Single
 
 
-class Quiet:
-    """The quietest nodes in the border of one reading."""
+class QuietNodes:
+    """Finds the quietest nodes in the border of one reading."""
 
     def __init__(
         self,
@@ -183,9 +186,10 @@ class Quiet:
         self._means = border.means(slope, variance)
 
     def fit(self, contained_mm: float, most: int = MOST_CHOICES) -> tuple[RestFit, float]:
-        """Nodes chosen by their slopes less a multiple of the gradient, and their mean of depth / h.
+        """The quiet nodes, and their mean of depth / h, mm.
 
-        contained_mm: multiple to begin with; then that mean, by secants, until it is the same.
+        They are chosen by their slopes less a multiple of the gradient of h: first contained_mm, then, by
+        secants, the mean that the choice itself gives, until the two agree.
         """
         step_mm = off_mm = 0.0
         for k in range(most):
@@ -212,7 +216,7 @@ class Quiet:
         return _Choice(agreeing(nodes, values, heavy, *core, weights), weights, nodes, deepest, slope2)
 
     def _bounded(self, chosen: _Choice) -> RestFit:
-        """The fit with what depth its nodes may still have."""
+        """The fit, with a bound of the depth that its nodes may still have as its sigma."""
         border, shared = self._border, self._border.shared
         read = self._slope, border.gradient, chosen.at_mm, self._variance
         # whether the slopes are more than noise

@@ -14,7 +14,7 @@ import numpy as np
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.rig.model import KnownRest
-from zeromethod.surface.anchor import MOST_CHOICES, Border, Quiet, RestFit, fit_known, known_nodes
+from zeromethod.surface.anchor import MOST_CHOICES, Border, QuietNodes, RestFit, fit_known, known_nodes
 from zeromethod.surface.far_field import BodyOnNodes, FarField, fit_far_field
 from zeromethod.surface.node_passes import dot, step_of
 from zeromethod.surface.roughness import roughness
@@ -29,11 +29,12 @@ _SAME = 1e-3
 _FAR_MM = 0.02
 """Far field above which to take it out of the slopes to first order is too rough for choosing nodes."""
 _MOST_FITS = 6
+"""How often the far field is fitted in one reading, at most."""
 
 
 @dataclass(frozen=True, slots=True)
-class Pass:
-    """What passes read, (rows, cols): depth, its slopes (..., 2) and their variance, points (..., 2 or 3)."""
+class PassResult:
+    """What one pass read, (rows, cols): depth, slopes (..., 2) and their variance, points (..., 2 or 3)."""
 
     slope: Float
     variance: Float
@@ -42,8 +43,8 @@ class Pass:
     depth: Float
 
 
-class Anchors:
-    """Where depth may be anchored, of one reader."""
+class AnchorFinder:
+    """Finds the nodes at rest and the far field, for one reader."""
 
     def __init__(
         self,
@@ -59,7 +60,7 @@ class Anchors:
         self.scale, self._gradient = scale, scale_gradient
         self._border: Border | None = None
 
-    def nodes(self, read: Pass, contained_mm: float, most: int = MOST_CHOICES) -> tuple[RestFit, float]:
+    def nodes(self, read: PassResult, contained_mm: float, most: int = MOST_CHOICES) -> tuple[RestFit, float]:
         """Nodes that count as at rest, with the bound of their depth / h, and the mean of that.
 
         contained_mm: multiple of h in the depth, to begin with. most: times that quiet nodes are chosen.
@@ -72,9 +73,10 @@ class Anchors:
             return fit, mean(fit.weights, ratio)
         if self._border is None or not np.array_equal(self._border.island, read.island):
             self._border = Border(read.island, self._gradient, self._correlation)
-        return Quiet(self._border, read.slope, read.variance, ratio, self.scale, x, y).fit(contained_mm, most)
+        quiet = QuietNodes(self._border, read.slope, read.variance, ratio, self.scale, x, y)
+        return quiet.fit(contained_mm, most)
 
-    def far_field(self, nodes: RestFit, read: Pass, several: bool) -> FarField:
+    def far_field(self, nodes: RestFit, read: PassResult, several: bool) -> FarField:
         """Far field of a surface with these quiet nodes. several: as of `fit_far_field`."""
         x, y = read.point[..., 0], read.point[..., 1]
         if self._body_of is not None:
@@ -84,7 +86,7 @@ class Anchors:
         fields = (read.slope, variance, read.depth, self.scale, self._gradient, x, y, read.island)
         return fit_far_field(*fields, nodes.weights, nodes.sigma_mm, nodes.hidden_mm, self._body, several)
 
-    def weak_far_field(self, nodes: RestFit, read: Pass, contained_mm: float) -> tuple[float, float]:
+    def weak_far_field(self, nodes: RestFit, read: PassResult, contained_mm: float) -> tuple[float, float]:
         """Far field of what noise hides, and its sigma, mm, where no slopes are more than noise."""
         x, y = read.point[..., 0], read.point[..., 1]
         slopes = read.slope, self._gradient, contained_mm, read.variance, read.island
@@ -93,9 +95,9 @@ class Anchors:
 
 
 class Anchoring:
-    """The anchor of one reading; `fit` once it is chosen, `fixed` once no pass changes it any more."""
+    """The anchor of one reading: `fit`, None until it is chosen; `fixed` once no pass changes it any more."""
 
-    def __init__(self, anchors: Anchors, weights: Float | None, several: bool) -> None:
+    def __init__(self, anchors: AnchorFinder, weights: Float | None, several: bool) -> None:
         """weights: of nodes whose mean depth / h is kept until the anchor is chosen; None: chosen at once.
 
         several: as of `fit_far_field`.
@@ -106,16 +108,16 @@ class Anchoring:
         self.fit: RestFit | None = None
         self.fixed = False
 
-    def shape(self, read: Pass, error: Float) -> Float:
-        """Step of depth (rows, cols), mm, by its error over h, that keeps the constant."""
+    def shape(self, read: PassResult, error: Float) -> Float:
+        """Step of depth (rows, cols), mm, that removes an error of depth / h and keeps the anchor's mean."""
         scale = self._anchors.scale
         if self._weights is None:
             there = replace(read, depth=read.depth + scale * error)
             self._weights = self._anchors.nodes(there, 0.0, 1)[0].weights
         return step_of(scale, error, mean(self._weights, error), read.island)
 
-    def choose(self, read: Pass) -> float:
-        """Choose nodes and the far field; multiple of h to add to depth, mm."""
+    def choose(self, read: PassResult) -> float:
+        """Choose the nodes and fit the far field; returns the multiple of h to add to depth, mm."""
         self._fits += 1
         assert self._weights is not None
         chosen, at_mm = self._chosen, mean(self._weights, read.depth / self._anchors.scale)
@@ -134,7 +136,7 @@ class Anchoring:
         self.fit = fit
         return step_mm
 
-    def chooses_so_after(self, first: Pass | None, read: Pass) -> bool:
+    def chooses_so_after(self, first: PassResult | None, read: PassResult) -> bool:
         """Whether a reading from rest, with this first pass, would have chosen the same nodes."""
         if first is None or self._chosen is None:
             return False
@@ -145,7 +147,7 @@ class Anchoring:
 
     @property
     def doubtful(self) -> bool:
-        """Whether it depends on where the reading started."""
+        """Whether the anchor depends on where the reading started."""
         return self.fit is not None and not certain(self.fit.sigma_mm, self.fit.far_field_mm)
 
 

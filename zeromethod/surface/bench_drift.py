@@ -9,7 +9,7 @@ from zeromethod.bench_motion.modes import BenchModes
 from zeromethod.bench_motion.watch import BenchWatch
 from zeromethod.optics import Optics
 from zeromethod.rig.model import Rig
-from zeromethod.surface.anchor import KnownReading, RestFit, known_misfit
+from zeromethod.surface.anchor import NodeReadings, RestFit, known_misfit
 from zeromethod.surface.curl import Curl, CurlTest
 from zeromethod.surface.integrate import SlopeIntegrator
 from zeromethod.surface.node_passes import diagonal, mean_square, squares_apart
@@ -20,7 +20,7 @@ from zeromethod.warp.overlap import overlap_correlation, shared_nodes
 from zeromethod.warp.warp import Warp
 
 _NULLED_PX = 0.05
-"""Residual rms, camera px, below which a frame says where the bench is, as in the loop."""
+"""Residual rms, camera px, below which a frame is nulled and shows where the bench is; as in the loop."""
 
 
 class BenchDrift:
@@ -37,7 +37,7 @@ class BenchDrift:
         integrator: SlopeIntegrator,
         scale_gradient: Float,
     ) -> None:
-        """Of the measurable nodes: warp at rest, usable ones, LCD px per rad, h d(slope)/d(depth)."""
+        """sensitivity: LCD px per rad. scale_gradient: h d(slope)/d(depth). All of the measurable nodes."""
         self._known_rest, self._passive = rig.surface.known_rest, rig.control.passive
         modes = BenchModes.of(optics, grid)
         self._grid, self._rest = grid, rest_q
@@ -65,11 +65,11 @@ class BenchDrift:
         shift_px = float(np.sqrt(shift2 / np.count_nonzero(island)))
         return self._curl.test(read, noise, shift_px)
 
-    def systematic(self, fit: RestFit, read: KnownReading, noise: SlopeNoise) -> tuple[RestFit, list[Float]]:
+    def systematic(self, fit: RestFit, read: NodeReadings, noise: SlopeNoise) -> tuple[RestFit, list[Float]]:
         """The fit with its sigma, and independent errors (rows, cols) of depth, mm, of one sigma each.
 
-        They are the same in every frame: the anchor's; what nodes do that should rest and do not; drift under
-        the anchor; and drift by way of the far field, which its slope at the border passes for.
+        They are the same in every frame: the anchor's own; that of known nodes which are not at rest; drift
+        of the bench under the anchor; and drift whose slope at the border is mistaken for a far field.
         """
         x, y, island = read.x_mm, read.y_mm, self._integrator.island
         errors = []

@@ -17,24 +17,25 @@ from zeromethod.surface.gaps import Gaps, gaps_between
 from zeromethod.surface.integrate import SlopeIntegrator
 from zeromethod.surface.rays import MirrorRays
 
-_LEAST_NODES = 12
-_MOST_PARTS = 3
+_LEAST_NODES, _MOST_PARTS = 12, 3
+"""Nodes of the smallest part that is tied, and how many parts are: smaller ones are specks at the fold."""
 _LEAST_GAPS = 3
-_PASSES = 20
-_SETTLED_MM = 1e-7
+"""Gaps by which a part must be tied: their scatter is in its sigma."""
+_PASSES, _SETTLED_MM = 20, 1e-7
+"""Most passes of slope and depth, and the change of depth that ends them."""
 
 
 @dataclass(frozen=True, slots=True)
-class Lattice:
+class ReadNodes:
     """Depth (rows, cols) in mm, slope (rows, cols, 2) and mirror points (rows, cols, 3) of all nodes."""
 
     depth: Float
     slope: Float
     point: Float
 
-    def copy(self) -> Lattice:
+    def copy(self) -> ReadNodes:
         """Copy of all arrays."""
-        return Lattice(self.depth.copy(), self.slope.copy(), self.point.copy())
+        return ReadNodes(self.depth.copy(), self.slope.copy(), self.point.copy())
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +46,7 @@ class CutOff:
     """
 
     nodes: Mask
-    read: Lattice
+    read: ReadNodes
     sigma_mm: Float
 
 
@@ -61,7 +62,13 @@ def cut_off_parts(usable: Mask, island: Mask) -> list[Mask]:
 
 
 def bridge(
-    rays: MirrorRays, q: Float, variance: Float, scale: Float, island: Mask, others: list[Mask], read: Lattice
+    rays: MirrorRays,
+    q: Float,
+    variance: Float,
+    scale: Float,
+    island: Mask,
+    others: list[Mask],
+    read: ReadNodes,
 ) -> CutOff | None:
     """Depth of the `others`, tied over their gaps to the island as read; None where no gap is narrow enough.
 
@@ -78,9 +85,9 @@ def bridge(
 
 
 def _tie(
-    rays: MirrorRays, q: Float, variance: Float, scale: Float, other: Mask, gaps: Gaps, read: Lattice
+    rays: MirrorRays, q: Float, variance: Float, scale: Float, other: Mask, gaps: Gaps, read: ReadNodes
 ) -> float | None:
-    """Fill in the lattice of one part; its sigma in mm, None where nothing ties it."""
+    """Read one part, tied over its gaps, into `read`; returns its sigma in mm, None where nothing ties it."""
     box = ndimage.find_objects(other.astype(np.intp))[0]
     if len(gaps) < _LEAST_GAPS or min(other[box].shape) < 2:
         return None

@@ -9,6 +9,7 @@ from zeromethod.surface.integrate import SlopeIntegrator
 from zeromethod.surface.rays import MirrorRays
 
 _PROBE_DEPTH_MM = 1e-3
+"""Change of depth by which that of the slope is found."""
 
 
 def depth_scale(rays: MirrorRays, usable: Mask, slope: Float, point: Float) -> tuple[Float, Float]:

@@ -18,27 +18,28 @@ from zeromethod.surface.peak_place import place_sigma_mm
 from zeromethod.surface.polynomials import polynomial, powers_of, stationary, terms, whole_window
 from zeromethod.surface.surface import Surface, check_surface
 
-_REACH = 2
-_MAX_REACH = 6
+_REACH, _MAX_REACH = 2, 6
+"""Half widths of the smallest and the largest window, nodes."""
 _REACH_PER_SIGMA = 0.35
-"""Largest half width of the window over the dent's width; narrower dents than `_REACH` allows are splined."""
-_QUARTIC_BIAS = 0.005
-"""Bias of a quartic's summit, relative, over the sixth power of half width over width."""
-_HOLED = 3.0
-"""How many times as large it is where a hole takes up to a fifth of the window's nodes."""
+"""Half width of the window over the dent's sigma, at most. Where that is less than `_REACH`, a spline is
+used."""
+_QUARTIC_BIAS, _HOLED = 0.005, 3.0
+"""Relative bias of a quartic's summit over (half width / sigma)^6; its factor where a hole takes up to a
+fifth of the window's nodes."""
 _QUADRATIC_BIAS = 0.12
-"""The same of a quadratic, over the fourth power, rms: Gaussians 1.5 to 8 nodes wide, 6 to 12 of 25 gone."""
+"""Relative bias of a quadratic's summit over (half width / sigma)^4: rms over Gaussians of sigma 1.5 to 8
+nodes, 6 to 12 of 25 nodes missing."""
 _NOTICED = 0.3
 """Change of the summit by a window one node smaller, over sigma, from which the larger one is too large."""
-_SPLINE = 8
-_LEAST_SPLINE = 4
-"""Nodes on every side that a spline is laid through, and fewest: its weights halve from node to node."""
-_MIN_SHARE = 0.8
-_MIN_NODES = 12
-_MOVES = 4
-_NEAREST = 0.6
-"""Offset from a window's middle beyond which the window moves; a little over half, or it could oscillate."""
+_SPLINE, _LEAST_SPLINE = 8, 4
+"""Nodes on every side that a spline goes through, and fewest: its weights halve from node to node."""
+_MIN_SHARE, _MIN_NODES = 0.8, 12
+"""Share of a window's nodes that a quartic needs, and number that a quadratic needs (of 25)."""
+_MOVES, _NEAREST = 4, 0.6
+"""A window whose summit lies farther than this from its middle moves, so often at most; a little over half a
+node, or it could oscillate."""
 _SECTORS = 24
+"""Directions around a summit in which gaps are looked for."""
 _NOTICEABLE = 0.02
 """Step over a gap, relative to the peak, from which it counts as lying on the slope."""
 
@@ -216,9 +217,10 @@ def _summit(surface: Surface, row: int, col: int) -> _Summit | None:
 
 
 def _as_flat(surface: Surface, row: int, col: int, reach: int, fitted: _Fitted) -> tuple[int, _Fitted, float]:
-    """Largest window whose quartic a smaller one confirms, its fit, and what they differ by beyond noise, mm.
+    """Largest window whose quartic a smaller one confirms; its fit, and the difference of the two, mm.
 
-    A pad's flat bottom has no curvature by which to choose the window, and falls off by no quartic.
+    For a pad's flat bottom: it has no curvature that says how wide the window may be, and its edge is no
+    quartic.
     """
     noticed_mm = _NOTICED * float(surface.sigma_depth_mm[row, col])
     while reach > _REACH:
@@ -295,11 +297,11 @@ def _fields(surface: Surface) -> tuple[Float, Float, Float]:
 
 
 def around_mm(surface: Surface, fitted: Mask, x_mm: float, y_mm: float, depth_mm: float) -> float:
-    """Standard deviation that gaps across the slope around a summit add to its depth, mm.
+    """Standard deviation that gaps in the slopes around a summit add to its depth, mm.
 
-    Where a fold runs all around except for an opening, depth is known through that opening alone, past nodes
-    as bent as those that were lost: every closed direction counts with the sigma of its gap. fitted: (rows,
-    cols) nodes among which gaps do no harm.
+    Where a fold surrounds the summit except for an opening, depth is known through the opening alone, past
+    nodes that are bent as much as those lost. So every direction that has a gap counts with that gap's sigma.
+    fitted: (rows, cols) nodes of the summit's own fit, between which gaps do no harm.
     """
     if not (surface.on_mirror & ~surface.valid).any():
         return 0.0

@@ -8,8 +8,8 @@ import numpy as np
 
 from zeromethod.surface.surface import Surface
 
-_REACH = 3
-_LEAST_NODES = 12
+_REACH, _LEAST_NODES = 3, 12
+"""Half width, in nodes, of the window whose slopes place a peak, and valid nodes that it needs."""
 _ALIKE = 10.0
 """Nodes whose noise counts as one: 4 as their windows overlap, and 2.5 for a quartic's steep middle (draws of
 noise on dents of sigma 4 to 10 mm scatter by 0.6 to 1.2 of what is stated so)."""

@@ -15,10 +15,10 @@ from zeromethod.mechanics.body import body_of
 from zeromethod.optics import Optics
 from zeromethod.optics.bench import sensitivity_of_rays
 from zeromethod.rig.model import Rig, check_rig
-from zeromethod.surface.anchor import KnownReading, RestFit
-from zeromethod.surface.anchoring import Anchors, certain
+from zeromethod.surface.anchor import NodeReadings, RestFit
+from zeromethod.surface.anchoring import AnchorFinder, certain
 from zeromethod.surface.bench_drift import BenchDrift
-from zeromethod.surface.bridge import Lattice, bridge, cut_off_parts
+from zeromethod.surface.bridge import ReadNodes, bridge, cut_off_parts
 from zeromethod.surface.covariance import DepthCovariance
 from zeromethod.surface.depth_scale import depth_scale
 from zeromethod.surface.far_field import BodyOnNodes
@@ -36,7 +36,7 @@ from zeromethod.surface.node_passes import (
 )
 from zeromethod.surface.noise import DepthNoise, SlopeNoise
 from zeromethod.surface.rays import MirrorRays
-from zeromethod.surface.seams import PASSES, Carried, Seams
+from zeromethod.surface.seams import PASSES, Carried, SlopeOverSeams
 from zeromethod.surface.settling import Reading, Settling, Start
 from zeromethod.surface.surface import Anchor, Surface, continued_points
 from zeromethod.surface.view_border import border_sigma_mm
@@ -101,7 +101,7 @@ class SurfaceReader:
         self._grid = grid
         u, v = grid.mesh()
         u, v = u[grid.inner], v[grid.inner]
-        self._seams = Seams.of(optics, grid)
+        self._seams = SlopeOverSeams.of(optics, grid)
         self._rays = MirrorRays(optics, u, v, 0.0 if self._seams is None else self._seams.shift_mm)
         island = largest_island(self._rays.hits)
         if np.count_nonzero(island) < 4:
@@ -122,14 +122,14 @@ class SurfaceReader:
         self._usable = regular
         sensitivity = np.where(regular[..., None, None], sensitivity, np.eye(2))
         if self._seams is not None:
-            self._seams.look_by(self._rays, sensitivity)
+            self._seams.set_rays(self._rays, sensitivity)
         self._rest_bending = jacobian(self._rays.rest_q, grid.spacing_px)
         self._fold_per_mm = fold_per_mm(self._rest_bending, grid.spacing_px, sensitivity, point, regular)
         self._lever = Lever(self._rays, sensitivity)
         self._scale, self._scale_gradient = depth_scale(self._rays, regular, slope, point)
         self._integrator = SlopeIntegrator(point[..., 0], point[..., 1], self._scale)
         correlation = overlap_correlation(grid.period_px, grid.spacing_px)
-        anchors = Anchors(
+        anchors = AnchorFinder(
             rig.surface.known_rest, self._scale, self._scale_gradient, correlation, self._body_on(rig, point)
         )
         self._settling = Settling(self._rays, self._integrator, anchors)
@@ -285,11 +285,11 @@ class SurfaceReader:
         fit, curl, systematic = reading.fit, None, list[Float]()
         if fit is not None and self._drift is not None:
             of_frame = self._noise.variance(noise, x, y, fit.weights, alone)
-            read = KnownReading(x, y, reading.depth, self._scale, of_frame, reading.slope, noise.variance)
+            read = NodeReadings(x, y, reading.depth, self._scale, of_frame, reading.slope, noise.variance)
             fit, systematic = self._drift.systematic(fit, read, noise)
             systematic.append(border_sigma_mm(reading.slope, reading.point, island))
             by = reading.depth, self._integrator.linear(x, y), fit.weights, self._scale
-            systematic += [] if seam is None else seam.left_mm(*by)
+            systematic += [] if seam is None else seam.errors_mm(*by)
             hidden = None if warp.left is None else self._hidden.of(warp.left, noise.variance, island)
             systematic += [] if hidden is None else [hidden]
             errors = self._depth_share, reading.depth, np.stack(systematic)
@@ -298,7 +298,7 @@ class SurfaceReader:
         if fit is not None:
             typical = fit.sigma_mm * float(np.sqrt(dot(self._scale**2, island) / np.count_nonzero(island)))
             anchor = Anchor(fit.mode, self._grid.padded(fit.weights > 0.0, False), typical, fit.far_field_mm)
-        read_nodes = Lattice(reading.depth, reading.slope, reading.point)
+        read_nodes = ReadNodes(reading.depth, reading.slope, reading.point)
         contact = warp.flags & (Flag.LIGHT_LOST | Flag.OUTSIDE | Flag.NO_RAY) == Flag.LIGHT_LOST
         surface = Surface(
             **self._arrays(island, read_nodes, sigma_depth, noise.variance),
@@ -317,7 +317,7 @@ class SurfaceReader:
             self._last = _Last(surface, self._integrator.linear(x, y), noise, fit, systematic)
         return surface
 
-    def _arrays(self, nodes: Mask, read: Lattice, sigma_depth: Float, variance: Float) -> dict[str, Any]:
+    def _arrays(self, nodes: Mask, read: ReadNodes, sigma_depth: Float, variance: Float) -> dict[str, Any]:
         """Arrays of a `Surface` on the full grid, NaN off the `nodes`; variance: (rows, cols, 2) of slope."""
         return {
             **surface_arrays(
@@ -333,7 +333,7 @@ class SurfaceReader:
         """The surface with the nodes tied to it over gaps; the same one where there are none."""
         island = self._integrator.island
         others = cut_off_parts(usable, island) if island.any() else []
-        read = Lattice(reading.depth, reading.slope, reading.point)
+        read = ReadNodes(reading.depth, reading.slope, reading.point)
         found = bridge(self._rays, q, variance, self._scale, island, others, read) if others else None
         if found is None:
             return surface

@@ -19,12 +19,15 @@ from zeromethod.surface.thin_plate import thin_plate
 from zeromethod.warp.continuation import continue_smoothly
 
 _SAMPLES_PER_AXIS = 13
+"""Samples along each axis, closer to each other towards the border."""
 _EVERY = 4, 2, 1
 """Of them, those of each stage along both axes, with those of the stages before."""
 _AROUND = np.array([-6, -3, -1, 0, 1, 3, 6])
+"""Further samples around the narrowest dent, nodes from it along both axes."""
 _SOME_AROUND = 5
 """Of these, every so many is of the second stage."""
 _BLURS, _OFF_BORDER = ((3, 3), (15, 15)), 3
+"""Windows, in nodes, whose ratio of noise shows a narrow dent, and how far from holes one is looked for."""
 _RINGS, _ON_RING = 2, 16
 """Rings around holes, and samples on each."""
 AT_FIRST, A_FEW, SELDOM = 16, 2, 3

@@ -1,9 +1,9 @@
-"""Seams between a saw's teeth: nodes that see one are not believed, and the slope is carried across.
+"""Slope at the seams of a saw (`zeromethod.warp.seams`), carried across from the nodes on both sides.
 
-The mirror goes on over a seam, the optics under it do not: on one side of it rays are longer in the rubber,
-and their picture jumps. A node whose sensing window touches a seam mixes both sides. Slope, as read on either
-side, is carried across by a polynomial along the node's row; what one of lower degree makes of it goes into
-sigma: of slope, and of depth as one error of all nodes, since what a seam hides it hides in all rows alike.
+A node whose sensing window touches a seam mixes the pictures of two teeth, and its reading is not used. The
+slope there is that of a polynomial along the node's row, through nodes on both sides. Its difference from a
+polynomial of lower degree goes into sigma: of slope, and of depth as one error common to all nodes, since a
+seam hides the same in all rows.
 """
 
 from __future__ import annotations
@@ -23,20 +23,22 @@ from zeromethod.warp.validity import Flag
 from zeromethod.warp.warp import Warp
 
 _SIDE = 5
-"""Nodes on either side by which a slope is carried."""
+"""Nodes on either side that the polynomial goes through."""
 _MOST_DARK = 6
-"""Nodes next to a seam that count as its own where they are not measured."""
+"""Unmeasured nodes next to a seam that count as part of it, at most."""
 _DEGREE, _LOWER = 5, 3
+"""Degree of the polynomial, and of the lower one that it is compared with."""
 _KINKED = 2.3
-"""Error of what is carried over what degrees differ by, where a seam hides the rim of a ball's contact: the
-median, of depth across the seam; 5 in one of a hundred. Of what is smooth it is 0.6 at most."""
+"""True error over the difference of the two degrees, where a seam hides the rim of a ball's contact: median
+of the depth across the seam; 5 in one case of a hundred. For smooth dents it is 0.6 at most."""
 _LOOKS = 6
-"""Steps to where a slope looks, by the sensitivity at rest, which a deep dent changes by a sixth."""
+"""Iterations from a slope to the LCD position that it looks at, by the sensitivity at rest: a deep dent
+changes that by a sixth, so that each leaves a sixth of the error."""
 _STEPS_SHARE = 1.5e-4
-"""Standard deviation of what seams leave besides, over the range of depth: of exact warps of dents of sigma
-1.5 to 8 mm one node in 2000 is 0.045 % of their peak further off than what degrees differ by says."""
+"""Standard deviation of further errors by seams, over the range of depth: with exact warps of dents of sigma
+1.5 to 8 mm, one node in 2000 is off by 0.045 % of the peak more than the two degrees differ by."""
 PASSES = False, True
-"""Slope is carried across seams at the depth that was read before: 0, then what that gave; which is last."""
+"""Slope is carried twice: at depth 0, then at the depth that this gave. Whether each is the last time."""
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -187,18 +189,20 @@ def _beside(values: Float) -> tuple[Float, Float]:
 
 @dataclass(frozen=True, slots=True)
 class Carried:
-    """A warp with what its seams' neighbours say of the nodes at seams.
+    """A warp whose nodes at seams have the slope carried across.
 
-    nodes: (rows, cols) those, on the whole grid. doubt: (rows, cols, 2) of the measurable nodes, rad, by
-    which their slopes would be others; 0 off seams.
+    nodes: (rows, cols) at seams, of the whole grid. doubt: (rows, cols, 2) rad, error of one sigma of the
+    slope there, with its sign, of the measurable nodes; 0 off seams.
     """
 
     warp: Warp
     nodes: Mask
     doubt: Float
 
-    def left_mm(self, depth_mm: Float, linear: LinearIntegration, anchor: Float, scale: Float) -> list[Float]:
-        """Errors (rows, cols) of depth, one sigma of each: what seams leave, and what depth would be else.
+    def errors_mm(
+        self, depth_mm: Float, linear: LinearIntegration, anchor: Float, scale: Float
+    ) -> list[Float]:
+        """Independent errors (rows, cols) of depth, one sigma of each: further ones, and that by `doubt`.
 
         anchor: weights (rows, cols); scale: h (rows, cols).
         """
@@ -208,8 +212,8 @@ class Carried:
         return [left, scale * (else_mm - float((anchor * else_mm).sum()))]
 
 
-class Seams:
-    """Seams of a rig's saw, on the measurable nodes of a grid.
+class SlopeOverSeams:
+    """Carries slopes across the seams of a rig's saw, on the measurable nodes of a grid.
 
     shift_mm: (rows, cols) by which rays of nodes at seams are moved along x, so that what lies behind a seam,
     which no ray sees, has nodes as well.
@@ -221,13 +225,13 @@ class Seams:
         _spread(seams.x_mm, seams.touched(self.shift_mm), self.shift_mm)
 
     @classmethod
-    def of(cls, optics: Optics, grid: NodeGrid) -> Seams | None:
+    def of(cls, optics: Optics, grid: NodeGrid) -> SlopeOverSeams | None:
         """Those of a rig; None of a prism."""
         seams = SeamMap.of(optics, grid)
         return None if seams is None else cls(seams, grid)
 
-    def look_by(self, rays: MirrorRays, sensitivity: Float) -> None:
-        """Take the nodes' rays, moved, and LCD px per rad at rest."""
+    def set_rays(self, rays: MirrorRays, sensitivity: Float) -> None:
+        """Take the nodes' rays, moved by `shift_mm`, and LCD px per rad at rest, before `carried`."""
         self._rays, self._sensitivity = rays, sensitivity
 
     def carried(self, warp: Warp, depth_mm: Float) -> Carried:

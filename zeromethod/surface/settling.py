@@ -13,7 +13,7 @@ import numpy as np
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.surface.anchor import RestFit
-from zeromethod.surface.anchoring import Anchoring, Anchors, Pass
+from zeromethod.surface.anchoring import AnchorFinder, Anchoring, PassResult
 from zeromethod.surface.integrate import SlopeIntegrator, fill_in
 from zeromethod.surface.rays import MirrorRays
 
@@ -57,7 +57,7 @@ class Reading:
 class Settling:
     """Settles depth on the lattice of one reader; its integrator keeps lattices and weights."""
 
-    def __init__(self, rays: MirrorRays, integrator: SlopeIntegrator, anchors: Anchors) -> None:
+    def __init__(self, rays: MirrorRays, integrator: SlopeIntegrator, anchors: AnchorFinder) -> None:
         self._rays, self._integrator, self._anchors = rays, integrator, anchors
 
     def settle(
@@ -86,7 +86,7 @@ class Settling:
                     return Reading(np.zeros_like(depth), slope, point, (depth, depth), None, looks)
                 depth = look.depth
                 depth *= island
-                read = Pass(slope, variance, point, island, depth)
+                read = PassResult(slope, variance, point, island, depth)
             steps = integrator.steps(slope, point[..., 0], point[..., 1])
             error = integrator.correction(steps, depth, _SOLVED)
             before_mm = moved_mm
@@ -108,7 +108,7 @@ class Settling:
         fit = anchoring.fit or self._anchors.nodes(read, 0.0)[0]
         return Reading(depth, slope, point, steps, fit, looks)
 
-    def _first_pass(self, q: Float, variance: Float, island: Mask) -> Pass | None:
+    def _first_pass(self, q: Float, variance: Float, island: Mask) -> PassResult | None:
         """The first pass of a reading from rest; None where it does not read all of the island."""
         rest = np.zeros(island.shape)
         look = self._rays.look(rest, q)
@@ -117,7 +117,7 @@ class Settling:
             return None
         steps = self._integrator.steps(slope, point[..., 0], point[..., 1])
         depth = self._anchors.scale * self._integrator.correction(steps, rest, _SOLVED)
-        return Pass(slope, variance, point, island, depth)
+        return PassResult(slope, variance, point, island, depth)
 
 
 def _begin(start: Start | None, island: Mask) -> tuple[Float, Float | None]:

@@ -56,8 +56,8 @@ class Surface:
         mirror, given as NaN there.
     sigma_depth_mm : (rows, cols)
         Standard deviation of depth: noise of this one warp, the anchor's, what the rig's geometry leaves open
-        (`GeometrySpec`), and before the null what the sensing window hides (`Warp.left`). It is correlated
-        between nodes: `SurfaceReader.covariance`.
+        (`GeometrySpec`), and before the null what the sensing window hides (`Warp.left`). It is against the
+        mirror as the lens's pupil averages it, and correlated between nodes: `SurfaceReader.covariance`.
     sigma_slope : (rows, cols, 2)
         Standard deviation of slope, rad, at a fixed mirror point (within 1 mm of the LCD, by P0, depth's own
         noise moves the point and takes up to 14 % off).

@@ -18,8 +18,9 @@ from zeromethod.optics import Optics
 from zeromethod.warp.grid import NodeGrid
 
 _STEP_PX = 0.5
-_ITERATIONS = 8
-_SETTLED_PX = 1e-9
+"""Step by which derivatives of the rest map are found."""
+_ITERATIONS, _SETTLED_PX = 8, 1e-9
+"""Most Newton steps, and the miss, LCD px, that ends them."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

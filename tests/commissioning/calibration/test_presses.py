@@ -4,7 +4,12 @@ import numpy as np
 import pytest
 
 from zeromethod import Warp, open_devices
-from zeromethod.commissioning.calibration.presses import Phase, PressesEndedError, PressWatch, record_presses
+from zeromethod.commissioning.calibration.presses import (
+    Awaited,
+    PressesEndedError,
+    PressWatch,
+    record_presses,
+)
 
 from .planted import Hand, nominal
 
@@ -27,7 +32,7 @@ def test_rest_is_the_mean_of_the_first_frames():
     watch = PressWatch(16)
     changes = [watch.take(warp(rng)) for _ in range(16)]
     assert changes == [False] * 15 + [True]
-    assert watch.phase is Phase.COMING
+    assert watch.phase is Awaited.COMING
     np.testing.assert_allclose(watch.rest.sigma, NOISE_PX / 4)
     # five of the mean's sigmas
     np.testing.assert_allclose(watch.rest.q, warp(rng).q, atol=5 * NOISE_PX * 1.1)
@@ -46,7 +51,7 @@ def test_noise_alone_is_no_press():
     watch = rested(rng)
     for _ in range(192):
         watch.take(warp(rng))
-    assert watch.phase is Phase.COMING
+    assert watch.phase is Awaited.COMING
 
 
 def test_press_is_taken_only_once_it_stands():
@@ -54,10 +59,10 @@ def test_press_is_taken_only_once_it_stands():
     watch = rested(rng)
     for dent in np.linspace(2.0, 12.0, 30):
         watch.take(warp(rng, dent))
-    assert watch.phase is Phase.SETTLING
+    assert watch.phase is Awaited.SETTLING
     for _ in range(8):
         watch.take(warp(rng, 12.0))
-    assert watch.phase is Phase.LIFTING
+    assert watch.phase is Awaited.LIFTING
     (taken,) = watch.pressed
     away = taken.q - warp(rng, 12.0).q
     # frames of the last of the way down are not in it: half a step of that would be 0.2 px
@@ -69,18 +74,18 @@ def test_step_that_is_not_nulled_begins_the_row_again():
     watch = PressWatch(8)
     for number in range(15):
         watch.take(None if number == 7 else warp(rng))
-    assert watch.phase is Phase.REST
+    assert watch.phase is Awaited.REST
     watch.take(warp(rng))
-    assert watch.phase is Phase.COMING
+    assert watch.phase is Awaited.COMING
 
 
 def test_press_that_goes_before_it_was_taken_is_waited_for_again():
     rng = np.random.default_rng(5)
     watch = rested(rng)
     watch.take(warp(rng, 9.0))
-    assert watch.phase is Phase.SETTLING
+    assert watch.phase is Awaited.SETTLING
     watch.take(warp(rng))
-    assert watch.phase is Phase.COMING
+    assert watch.phase is Awaited.COMING
     assert not watch.pressed
 
 

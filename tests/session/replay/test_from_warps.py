@@ -9,11 +9,11 @@ from recorded_run import recorded
 from benchmarks.against_peers.open_loop import coarser
 from zeromethod import InputError, Optics, Recording, Session, SurfaceReader, load_rig, peak
 from zeromethod.recording import DamagedWarning
+from zeromethod.session.dirt import FRAMES, DirtCorrection
 from zeromethod.session.replay.differences import DepthDifferences
 from zeromethod.session.replay.from_warps import replay_from_warps
 from zeromethod.session.replay.settings import with_settings
 from zeromethod.session.replay.window import Window
-from zeromethod.session.uneven_rest import FRAMES, UnevenRest
 from zeromethod.view.replay_table import differences_table
 
 KNOWN_REST = "surface.known_rest=[{x_mm=[8.0, 20.0], y_mm=[-18.0, 18.0]}]"
@@ -39,7 +39,7 @@ def test_what_dirt_does_is_taken_off_again(tmp_path):
     rig = coarser(load_rig("simulated").replace({"simulation.nuisances.dust": 60}, scenario="none"), 8)
     with Session(rig, record=path) as run:
         list(run.run(frames=FRAMES + 8))
-        assert run._uneven._off is not None
+        assert run._dirt._off is not None
     with Recording(path) as opened:
         again = replay_from_warps(opened, opened.rig, Window.of(opened))
         assert again.steps > FRAMES
@@ -66,11 +66,11 @@ def test_other_surface_settings_read_as_a_reader_with_them_does(recording):
     rig = with_settings(recording.rig, [KNOWN_REST])
     again = replay_from_warps(recording, rig, Window.of(recording, None, 0.4))
     assert len(again.different) == again.steps
-    reader, uneven = SurfaceReader(rig, Optics(rig), recording.grid), UnevenRest(recording.rest.q)
+    reader, dirt = SurfaceReader(rig, Optics(rig), recording.grid), DirtCorrection(recording.rest.q)
     expected = []
     for step in recording.peaks["step"][: again.steps].tolist():
         state = recording.state_of(recording.row(step))
-        warp = uneven.levelled(recording.measured(step), state, recording.zero(step))
+        warp = dirt.corrected(recording.measured(step), state, recording.zero(step))
         expected.append(peak(reader.follow(warp)).depth_mm)
     assert again.replayed_mm == expected
 

@@ -34,7 +34,7 @@ _UPPER_PERCENT = 99.0
 _PRESSED_SHARE = 0.3
 
 
-class Phase(enum.Enum):
+class Awaited(enum.Enum):
     """What is waited for."""
 
     REST = "resting"
@@ -83,7 +83,7 @@ class PressWatch:
         """frames: how many make a mean."""
         self.frames = frames
         self._row: deque[Warp] = deque(maxlen=frames)
-        self.phase = Phase.REST
+        self.phase = Awaited.REST
         self.rest: Warp | None = None
         self.pressed: list[Warp] = []
 
@@ -95,26 +95,26 @@ class PressWatch:
             return False
         self._row.append(measured)
         match self.phase:
-            case Phase.REST:
+            case Awaited.REST:
                 if len(self._row) == self.frames and self._still(0.0, None):
                     self.rest = mean_warp(self._row)
-                    self._go(Phase.COMING)
-            case Phase.COMING:
+                    self._go(Awaited.COMING)
+            case Awaited.COMING:
                 if self._strength(measured)[0] > PRESSED_LCD_PX:
-                    self._go(Phase.SETTLING)
-            case Phase.SETTLING:
+                    self._go(Awaited.SETTLING)
+            case Awaited.SETTLING:
                 strength, away = self._strength(measured)
                 if strength < LIFTED_LCD_PX:
-                    self._go(Phase.COMING)
+                    self._go(Awaited.COMING)
                 elif len(self._row) == self.frames and self._still(strength, away):
                     self.pressed.append(mean_warp(self._row))
-                    self._go(Phase.LIFTING)
-            case Phase.LIFTING:
+                    self._go(Awaited.LIFTING)
+            case Awaited.LIFTING:
                 if self._strength(measured)[0] < LIFTED_LCD_PX:
-                    self._go(Phase.COMING)
+                    self._go(Awaited.COMING)
         return self.phase is not before
 
-    def _go(self, phase: Phase) -> None:
+    def _go(self, phase: Awaited) -> None:
         self.phase = phase
         self._row.clear()
 
@@ -210,12 +210,12 @@ def _follow(
             usable = step.state is not State.HOLDING
             if usable and watch.take(step.measured if step.state in NULLED else None):
                 last_ns = devices.clock.now_ns()
-                if watch.phase is Phase.LIFTING or (watch.phase is Phase.COMING and not watch.pressed):
+                if watch.phase is Awaited.LIFTING or (watch.phase is Awaited.COMING and not watch.pressed):
                     advance()
-                if watch.phase is Phase.COMING and len(watch.pressed) == len(asked):
+                if watch.phase is Awaited.COMING and len(watch.pressed) == len(asked):
                     assert watch.rest is not None
                     return watch.rest
-                _ask(prompts, watch, asked, hold_s, early=before is Phase.SETTLING)
+                _ask(prompts, watch, asked, hold_s, early=before is Awaited.SETTLING)
             elif devices.clock.now_ns() - last_ns > 1e9 * patience_s:
                 failed = step.state in {State.FAULT, State.HOLDING, State.STARTING}
                 raise PressesEndedError(_missing(watch, len(asked), patience_s, step), failed=failed)
@@ -226,19 +226,19 @@ def _follow(
 def _ask(prompts: Prompts, watch: PressWatch, asked: Sequence[str], hold_s: float, *, early: bool) -> None:
     """Say what to do next; early: the press was lifted before it could be taken."""
     done, count = len(watch.pressed), len(asked)
-    if watch.phase is Phase.COMING:
+    if watch.phase is Awaited.COMING:
         when = "again, it lifted too soon" if early else "now"
         prompts.say(f"press {done + 1} of {count}: {asked[done]} {when}, and hold still for {hold_s:.1f} s")
-    elif watch.phase is Phase.LIFTING:
+    elif watch.phase is Awaited.LIFTING:
         prompts.say(f"press {done} of {count}: taken; lift")
 
 
 def _missing(watch: PressWatch, count: int, patience_s: float, step: Step) -> str:
     what = {
-        Phase.REST: "the loop did not null the mirror at rest",
-        Phase.COMING: f"no press {len(watch.pressed) + 1} of {count}",
-        Phase.SETTLING: "the press did not keep still while the loop was locked",
-        Phase.LIFTING: "the press did not lift",
+        Awaited.REST: "the loop did not null the mirror at rest",
+        Awaited.COMING: f"no press {len(watch.pressed) + 1} of {count}",
+        Awaited.SETTLING: "the press did not keep still while the loop was locked",
+        Awaited.LIFTING: "the press did not lift",
     }[watch.phase]
     why = "" if step.state in NULLED else f" ({step.state}: {step.reason})"
     return f"presses: {what} within {patience_s:g} s{why}"

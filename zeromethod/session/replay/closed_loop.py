@@ -19,11 +19,11 @@ from zeromethod.optics import Optics
 from zeromethod.recording.recorder import Recorder
 from zeromethod.recording.recording import Recording
 from zeromethod.rig.model import SIMULATED, Rig
+from zeromethod.session.dirt import DirtCorrection
 from zeromethod.session.reading import timed
 from zeromethod.session.replay.mirror import RecordedMirror
-from zeromethod.session.replay.track import Nodes, Track, TrackPoint
+from zeromethod.session.replay.track import FollowedNodes, Track, TrackPoint
 from zeromethod.session.replay.window import Pace, Window
-from zeromethod.session.uneven_rest import UnevenRest
 from zeromethod.simulation.clone import simulated_clone
 from zeromethod.surface import Peak, Surface, SurfaceReader, peak
 from zeromethod.surface.comparison import compare
@@ -80,14 +80,14 @@ class ClosedLoopReplay:
             camera.scenario = self.mirror.scenario(self.name)
             loop = opened.enter_context(Loop(self.rig, camera, devices.display, devices.clock, optics=optics))
             self.gl_renderer = loop.gl_renderer
-            uneven = UnevenRest(loop.q_rest, under_cloth=self.rig.under_cloth)
+            dirt = DirtCorrection(loop.q_rest, under_cloth=self.rig.under_cloth)
             reader = SurfaceReader(self.rig, optics, loop.grid)
-            nodes = Nodes(loop.rest, round(self.mirror.duration_s * self.rig.camera.rate_hz))
+            nodes = FollowedNodes(loop.rest, round(self.mirror.duration_s * self.rig.camera.rate_hz))
             recorder = self._recorder(loop.rest, opened)
             for step in loop.run(seconds=self.mirror.duration_s):
                 pace.wait_for(step.time_ns)
                 if step.measured is not None:
-                    step = _read(reader, uneven, step)  # noqa: PLW2901 - the same step, with its reading
+                    step = _read(reader, dirt, step)  # noqa: PLW2901 - the same step, with its reading
                 if recorder is not None:
                     recorder.add_step(step)
                     if step.surface is not None:
@@ -114,7 +114,9 @@ class ClosedLoopReplay:
         opened.callback(close)
         return recorder
 
-    def _point(self, step: Step, camera: Any, optics: Optics, nodes: Nodes, grid: NodeGrid) -> TrackPoint:
+    def _point(
+        self, step: Step, camera: Any, optics: Optics, nodes: FollowedNodes, grid: NodeGrid
+    ) -> TrackPoint:
         time_s = 1e-9 * (step.time_ns - self.mirror.settled_ns)
         followed = nodes.pick(step.measured, None if step.shown is None else step.shown.q, step.zero)
         point = TrackPoint(time_s, step.state, step.residual_rms_px, *followed)
@@ -130,13 +132,13 @@ class ClosedLoopReplay:
         )
 
 
-def _read(reader: SurfaceReader, uneven: UnevenRest, step: Step) -> Step:
+def _read(reader: SurfaceReader, dirt: DirtCorrection, step: Step) -> Step:
     """The step with its reading."""
     assert step.measured is not None
-    levelled = uneven.levelled(step.measured, step.state, step.zero)
+    cleaned = dirt.corrected(step.measured, step.state, step.zero)
 
     def read() -> tuple[Surface, Peak]:
-        surface = reader.follow(levelled)
+        surface = reader.follow(cleaned)
         return surface, peak(surface)
 
     surface, deepest, read_ms = timed(read)
@@ -145,7 +147,7 @@ def _read(reader: SurfaceReader, uneven: UnevenRest, step: Step) -> Step:
 
 def recorded_track(recording: Recording, window: Window) -> Track:
     """What the recorded session did, by its own figures. Nodes are left out where no warps were kept."""
-    track, nodes = Track("recorded"), Nodes(recording.rest, len(recording.steps))
+    track, nodes = Track("recorded"), FollowedNodes(recording.rest, len(recording.steps))
     peaks = dict(zip(recording.peaks["step"].tolist(), recording.peaks["depth_mm"].tolist(), strict=True))
     for row in recording.steps:
         time_ns, step = int(row["time_ns"]), int(row["number"])

@@ -28,6 +28,7 @@ SEGMENT_FRAMES = 64
 """Length of the stretches whose spectra are averaged; shorter tracks are one stretch."""
 
 LEAST_FRAMES = 24
+"""Frames of a track below which it is not compared: too few for its curve."""
 
 BANDS_HZ = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
 """Borders of the bands in which rejection is given as a number."""

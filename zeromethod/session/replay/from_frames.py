@@ -14,7 +14,7 @@ import numpy as np
 from zeromethod.errors import InputError
 from zeromethod.loop.assembly import make_circle
 from zeromethod.loop.call import DONE
-from zeromethod.loop.circle import Circle, FrameResult, from_zero
+from zeromethod.loop.circle import Circle, FrameResult
 from zeromethod.loop.frame_check import own
 from zeromethod.loop.state import State, sees_target
 from zeromethod.optics import Optics
@@ -151,7 +151,7 @@ def replay_from_frames(
         if inside:
             pace.wait_for(int(row["time_ns"]))
         step = int(row["number"])
-        measured = from_zero(taken, recording.zero(step))
+        measured = taken.measured_from(recording.zero(step))
         if inside:
             warps.add(row, taken, measured, parts.circle)
         if measured is not None and step in read:

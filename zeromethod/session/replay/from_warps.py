@@ -8,10 +8,10 @@ from zeromethod.errors import InputError
 from zeromethod.optics import Optics
 from zeromethod.recording.recording import Recording
 from zeromethod.rig.model import Rig
+from zeromethod.session.dirt import DirtCorrection
 from zeromethod.session.reading import warm_up_warp
 from zeromethod.session.replay.differences import DepthDifferences
 from zeromethod.session.replay.window import Pace, Window
-from zeromethod.session.uneven_rest import UnevenRest
 from zeromethod.surface import Peak, Surface, SurfaceReader, peak
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.warp import Warp
@@ -35,14 +35,14 @@ class Reader:
         """rig: with which it is read; grid: the nodes, with their rays."""
         self._recording = recording
         self._reader = SurfaceReader(rig, Optics(rig), grid)
-        self._uneven = UnevenRest(recording.rest.q, under_cloth=rig.under_cloth)
+        self._dirt = DirtCorrection(recording.rest.q, under_cloth=rig.under_cloth)
         if recording.live:
             self._reader.follow(warm_up_warp(recording.rest))
 
     def read(self, step: int, warp: Warp) -> tuple[Surface, Peak]:
         """Surface and its deepest point, of the warp of a step."""
         state = self._recording.state_of(self._recording.row(step))
-        surface = self._reader.follow(self._uneven.levelled(warp, state, self._recording.zero(step)))
+        surface = self._reader.follow(self._dirt.corrected(warp, state, self._recording.zero(step)))
         return surface, peak(surface)
 
 

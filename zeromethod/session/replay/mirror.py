@@ -20,7 +20,7 @@ from zeromethod.optics import Optics
 from zeromethod.recording.recording import Recording
 from zeromethod.rig.model import SIMULATED
 from zeromethod.session.replay.window import Window
-from zeromethod.simulation.moving_map import MapLattice, MovingMap
+from zeromethod.simulation.moving_map import MapPlacement, MovingMap
 from zeromethod.simulation.scattered import ScatteredMap
 from zeromethod.simulation.scenario import Scenario
 from zeromethod.surface import Surface
@@ -97,7 +97,7 @@ class RecordedMirror:
         self._lay_out()
         self._fits: OrderedDict[int, _Fit | None] = OrderedDict()
         self._first: Float | None = None
-        lattice = MapLattice(self._maps.centre_mm, self._maps.pitch_mm)
+        lattice = MapPlacement(self._maps.centre_mm, self._maps.pitch_mm)
         self._press = MovingMap(lattice, lead + times[first:last], self._coefficients)
 
     def _shift_ns(self, window: Window, period_ns: int) -> int:

@@ -74,7 +74,7 @@ class Track:
         return np.array([getattr(point, name) for point in self.points], dtype=np.float64)
 
 
-class Nodes:
+class FollowedNodes:
     """The nodes that are followed on one grid."""
 
     def __init__(self, rest: Rest, frames: int) -> None:

@@ -133,7 +133,7 @@ def _layer_table(rubber: Rubber) -> tuple[Float, Float]:
     return np.concatenate((radii, far)), np.concatenate((values, -1 / (np.pi * modulus * far)))
 
 
-class Spread:
+class LatticeResponse:
     """Displacement of a lattice under pressures on a lattice inside it: a convolution with zero padding.
 
     Both have one pitch; the outer reaches `margin` points further on every side. What a prism adds is known

@@ -10,7 +10,7 @@ import scipy
 from zeromethod.arrays import Float, Mask
 from zeromethod.errors import InputError
 from zeromethod.simulation.contact.adhesion import BallContact
-from zeromethod.simulation.contact.compliance import Compliance, Spread
+from zeromethod.simulation.contact.compliance import Compliance, LatticeResponse
 from zeromethod.simulation.contact.objects import Form, Held
 from zeromethod.simulation.contact.solver import Pressed, press_on, press_to_depth, press_with_force
 
@@ -98,7 +98,7 @@ class Presser:
         self._held = held
         self._compliance = compliance
         self._lattice: Lattice | None = None
-        self._spread: Spread | None = None
+        self._spread: LatticeResponse | None = None
         self._pressure: Float | None = None
 
     def patch(self, others: list[Patch]) -> Patch:
@@ -137,9 +137,9 @@ class Presser:
             half *= 1.5
         raise InputError("object: held so deep that its contact has no end: a smaller depth or force")
 
-    def _spread_on(self, lattice: Lattice) -> Spread:
+    def _spread_on(self, lattice: Lattice) -> LatticeResponse:
         shape = lattice.rows, lattice.cols
-        return Spread(self._compliance, shape, lattice.pitch_mm, world=self._held.world)
+        return LatticeResponse(self._compliance, shape, lattice.pitch_mm, world=self._held.world)
 
     def _ball(self) -> BallContact:
         """A sticking ball's contact, which is so small that what a prism adds is the same all over it."""
@@ -152,7 +152,9 @@ class Presser:
         work = 1e-3 * self._held.solid.adhesion_j_m2  # J/m^2 are N/m
         return ball.radius_for(work, depth_mm=self._held.depth_mm, force_n=self._held.force_n)
 
-    def _found(self, lattice: Lattice, spread: Spread, start: Float | None, others: list[Patch]) -> Patch:
+    def _found(
+        self, lattice: Lattice, spread: LatticeResponse, start: Float | None, others: list[Patch]
+    ) -> Patch:
         held, solid = self._held, self._held.solid
         along, across = lattice.mesh()
         profile = held.profile(along, across) + self._background(lattice, others)

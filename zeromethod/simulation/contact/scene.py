@@ -18,7 +18,7 @@ from zeromethod.arrays import Float
 from zeromethod.errors import InputError
 from zeromethod.rig.prism_tables import Prism
 from zeromethod.rig.tables import Rubber
-from zeromethod.simulation.contact.compliance import Compliance, Spread
+from zeromethod.simulation.contact.compliance import Compliance, LatticeResponse
 from zeromethod.simulation.contact.objects import Held
 from zeromethod.simulation.contact.patch import Patch, Presser
 from zeromethod.simulation.contact.touch import Touch, touch_of
@@ -104,7 +104,7 @@ def _depth_maps(patch: Patch, compliance: Compliance) -> tuple[Dent, ...]:
     along, across = lattice.mesh()
     half = min(np.abs(along[patch.touching]).max(), np.abs(across[patch.touching]).max())
     margin = int(np.ceil(min(FINE_MM, 3 * half) / lattice.pitch_mm))
-    spread = Spread(compliance, (lattice.rows, lattice.cols), lattice.pitch_mm, margin)
+    spread = LatticeResponse(compliance, (lattice.rows, lattice.cols), lattice.pitch_mm, margin)
     near = spread.displacement(patch.pressed.pressure_mpa)
     rows, cols = near.shape
     at_along = lattice.pitch_mm * (np.arange(cols) - (cols - 1) / 2)

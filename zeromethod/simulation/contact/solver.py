@@ -11,7 +11,7 @@ import numpy as np
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.errors import MeasurementError
-from zeromethod.simulation.contact.compliance import Spread
+from zeromethod.simulation.contact.compliance import LatticeResponse
 
 _TOLERANCE = 1e-6
 """Change of all pressures in a step, relative to their sum, at which they count as found."""
@@ -27,7 +27,7 @@ class Pressed:
     depth_mm: float
 
 
-def press_to_depth(spread: Spread, profile_mm: Float, depth_mm: float, start: Float) -> Pressed:
+def press_to_depth(spread: LatticeResponse, profile_mm: Float, depth_mm: float, start: Float) -> Pressed:
     """Pressures under an object whose lowest point is `depth_mm` below the surface at rest.
 
     profile_mm: (rows, cols) height of the object over its lowest point (what else bends the surface added),
@@ -41,7 +41,7 @@ def press_to_depth(spread: Spread, profile_mm: Float, depth_mm: float, start: Fl
 
 
 def press_with_force(
-    spread: Spread, profile_mm: Float, force_n: float, cell_mm2: float, start: Float
+    spread: LatticeResponse, profile_mm: Float, force_n: float, cell_mm2: float, start: Float
 ) -> Pressed:
     """Pressures that add up to a force; see `press_to_depth`. cell_mm2: area of a cell of the lattice."""
     lifted = np.isinf(profile_mm)
@@ -54,7 +54,7 @@ def press_with_force(
 
 
 def _search(
-    spread: Spread, room: Float, lifted: Mask, pressure: Float, force: float | None
+    spread: LatticeResponse, room: Float, lifted: Mask, pressure: Float, force: float | None
 ) -> tuple[Float, Float]:
     """(pressures, gaps) with gap = displacement + room, the gap's mean in contact taken off for a force."""
     way = np.zeros_like(pressure)
@@ -93,7 +93,7 @@ def _search(
     raise MeasurementError(f"contact: no pressures found in {_STEPS} steps")
 
 
-def press_on(spread: Spread, room_mm: Float, touching: Mask) -> Pressed:
+def press_on(spread: LatticeResponse, room_mm: Float, touching: Mask) -> Pressed:
     """Pressures, of either sign, that bring the gap to 0 on given cells: an object that sticks.
 
     room_mm: (rows, cols) gap at no pressure.

@@ -1,9 +1,10 @@
-"""Nodes beside a dark place: those that come and go stay lost for some frames, and all of them know less.
+"""Nodes beside a dark place: flickering ones count as lost for some frames, all of them get a larger sigma.
 
-Beside a contact the light of a node comes and goes with the noise, and with it go a phase that the contact's
-edge falsifies and the shape of the picture around: without memory the command never settles there. A node
-that fails once and comes back counts at once, and so does one beside a place that went dark just now: while a
-sudden press is nulled light goes and comes back everywhere, and the loop needs each node that sees any.
+Beside a contact a node's light crosses the limit with the noise. Each time it does, a phase falsified by the
+contact's edge comes or goes, and the picture around changes: without memory the command never settles there.
+A node that fails only once counts again at once, and so does one beside a place that went dark just now:
+while a sudden press is nulled, light goes and comes back everywhere, and the loop needs each node that sees
+any.
 
 An edge of the light t nodes away leaves (1 - t/2)^2 / 2 of the triangular window dark, which moves the phase
 by up to as many radians; nearer edges than about one node are found by the light itself (`sensing.shading`).
@@ -36,7 +37,7 @@ _LIGHT_LOST, _BESIDE_DARK = int(Flag.LIGHT_LOST), int(Flag.BESIDE_DARK)
 _NEVER = int(Flag.OUTSIDE | Flag.NO_RAY)
 
 
-class LightHold:
+class BesideDark:
     """Remembers, per node, when it came back beside a dark place. shape: (rows, cols) of the nodes."""
 
     def __init__(self, shape: tuple[int, int], period_px: float) -> None:

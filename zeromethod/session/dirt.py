@@ -1,4 +1,4 @@
-"""What dirt does to single nodes: learned while the mirror rests, taken off, and left open in their sigma.
+"""Effect of dirt on single nodes: learned while the mirror rests, subtracted, its uncertainty added to sigma.
 
 Dust or a scratch in a node's window moves its phase by as much in every nulled frame, as the camera then sees
 the same picture whatever presses. At rest it shows as nodes that are off against all around them, which no
@@ -20,35 +20,36 @@ import numpy as np
 from scipy.ndimage import maximum_filter, median_filter, uniform_filter
 
 from zeromethod.arrays import Float, Mask
-from zeromethod.loop.rest_memory import REST_WITHIN_LCD_PX, rests
+from zeromethod.loop.rest_memory import REST_WITHIN_LCD_PX, is_at_rest
 from zeromethod.loop.state import State
 from zeromethod.warp.warp import Warp
 
 FRAMES = 16
-"""Frames at rest that are averaged: their noise adds 3 % to that of one. What is known by 1, 2, 4 ... of them
-counts until then."""
+"""Frames at rest that are averaged: taking off their mean adds 3 % to one frame's noise. Until there are as
+many, the mean of the first 1, 2, 4 or 8 is used."""
 _SCATTER_FRAMES = 4
-"""Frames from which on their scatter, over the nodes of a window, is known to a quarter."""
+"""Number of frames from which on their scatter, over a window's nodes, is known to within a quarter."""
 _USUAL = 2.0
-"""Times the median of what nodes state that it is taken for at least: what the null itself has gathered of
-noise in fine patterns goes slowly, and does not scatter."""
+"""Least scatter that is assumed, over the median of the stated sigmas: noise that the null itself has
+gathered in fine patterns decays slowly, and does not show as scatter."""
 _STATED = 2.0
-"""Times what the second frame states that the first does, from which it is left out."""
+"""The first frame is left out if it states more than this many times the sigma of the second."""
 _AROUND = 11
-"""Nodes on a side of the square whose median a node is held against: dirt disturbs four across."""
+"""Side, in nodes, of the square whose median a node is compared with: dirt disturbs four nodes across."""
 _NOISES = 4.0
-"""Standard deviations of the average from which on a node is off."""
+"""A node differs from its surroundings if it does by more than this many standard deviations of the mean."""
 _GROWN = 6.0
-"""Times what it has grown by since half as many frames, beyond noise, that it is off at least."""
+"""Dirt stays as it is: a difference counts as dirt only above this many times its growth, beyond noise, since
+half as many frames."""
 _EVERYWHERE = 0.1
-"""Mean square of what nodes are off that do not show it, over one frame's variance, from which on it is left
-open: less is within 5 % of sigma."""
+"""Mean square of the differences that do not show at single nodes, over one frame's variance, from which on
+it goes into sigma: less changes sigma by under 5 %."""
 _OPEN = 0.3
-"""Share of what was taken off that is left open: in a press the light around dirt differs."""
+"""Share of a correction that remains as its sigma: under a press the light around dirt differs."""
 
 
-class UnevenRest:
-    """The nodes that are off at rest, from frame to frame. rest_q: (rows, cols, 2) LCD px of the rest map.
+class DirtCorrection:
+    """Correction of single nodes for dirt, learned at rest. rest_q: (rows, cols, 2) LCD px of the rest map.
 
     under_cloth: whether threads move all nodes.
     """
@@ -67,8 +68,8 @@ class UnevenRest:
         self._off: Float | None = None
         self._open: Float | None = None
 
-    def levelled(self, measured: Warp, state: State, zero: Float | None) -> Warp:
-        """A measured warp, from a zero, without what dirt does to it; learns from those at rest.
+    def corrected(self, measured: Warp, state: State, zero: Float | None) -> Warp:
+        """A measured warp, from a zero, without the effect of dirt; learns from warps at rest.
 
         state: of the loop in this step. zero: (rows, cols, 2) LCD px; None for the rig's.
         """
@@ -88,7 +89,7 @@ class UnevenRest:
         return replace(measured, q=measured.q - self._off, sigma=np.hypot(measured.sigma, self._open))
 
     def _guess(self, measured: Warp) -> None:
-        """Leave open of all nodes what those of a frame that do not show it are off, whatever presses."""
+        """Before any rest: widen all sigmas by what one frame's nodes, together, differ by beyond noise."""
         valid, sigma = measured.valid, measured.sigma
         if valid.any():
             off = _against_around(measured.q - self._rest_q, valid)
@@ -104,7 +105,7 @@ class UnevenRest:
             away, seen = self._before.q - self._rest_q, self._before.valid
         else:
             return False
-        return rests(measured.q, self._rest_q + away, measured.sigma, seen & measured.valid)
+        return is_at_rest(measured.q, self._rest_q + away, measured.sigma, seen & measured.valid)
 
     @property
     def _known(self) -> Mask:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from zeromethod.loop.state import State
-from zeromethod.session.uneven_rest import FRAMES, UnevenRest
+from zeromethod.session.dirt import FRAMES, DirtCorrection
 from zeromethod.warp.warp import Warp
 
 SHAPE = (40, 60)
@@ -25,16 +25,16 @@ def warp(seed, more=0.0, dirt=DIRT):
 
 
 def learned(**given):
-    uneven = UnevenRest(REST)
-    uneven.levelled(warp(98, **given), State.NULLING, None)
+    correction = DirtCorrection(REST)
+    correction.corrected(warp(98, **given), State.NULLING, None)
     for seed in range(FRAMES):
-        uneven.levelled(warp(seed, **given), State.RESTING, None)
-    return uneven
+        correction.corrected(warp(seed, **given), State.RESTING, None)
+    return correction
 
 
 def test_what_dirt_does_is_taken_off_in_presses_too_and_left_open_in_sigma():
     press = 3 * np.exp(-((COL - 30) ** 2 + (ROW - 20) ** 2) / 200)[..., None]
-    found = learned().levelled(warp(99, press), State.LOCKED, None)
+    found = learned().corrected(warp(99, press), State.LOCKED, None)
     off = found.q - REST - SLOW - press
     disturbed = DIRT[..., 0] > 0
     # noise of one frame, of sixteen, and the slow rest's curvature over the square that is the measure
@@ -47,17 +47,17 @@ def test_what_dirt_does_is_taken_off_in_presses_too_and_left_open_in_sigma():
 
 
 def test_a_clean_rest_changes_nothing():
-    uneven = learned(dirt=0.0)
+    correction = learned(dirt=0.0)
     given = warp(99, dirt=0.0)
-    assert uneven.levelled(given, State.RESTING, None) is given or np.abs(
-        uneven.levelled(given, State.RESTING, None).q - given.q
+    assert correction.corrected(given, State.RESTING, None) is given or np.abs(
+        correction.corrected(given, State.RESTING, None).q - given.q
     ).max() < (5 * SIGMA)
 
 
 def test_what_all_nodes_are_off_is_left_open_though_none_shows_it():
     # as large as one frame's noise: four deviations of the mean of sixteen
     threads = SIGMA * np.random.default_rng(97).standard_normal(REST.shape)
-    found = learned(dirt=threads).levelled(warp(99, dirt=threads), State.LOCKED, None)
+    found = learned(dirt=threads).corrected(warp(99, dirt=threads), State.LOCKED, None)
     off = (found.q - REST - SLOW)[8:-8, 8:-8]
     # a third shows, which is left open by what each is off; among 2,400 nodes a mean square is known to 3 %
     assert np.mean(found.sigma[8:-8, 8:-8] ** 2) == pytest.approx(np.mean(off**2), rel=0.1)
@@ -67,49 +67,49 @@ def test_what_all_nodes_are_off_is_left_open_though_none_shows_it():
 def test_under_a_cloth_it_is_left_open_before_any_rest_is_known_and_while_something_presses():
     threads = SIGMA * np.random.default_rng(97).standard_normal(REST.shape)
     press = 3 * np.exp(-((COL - 30) ** 2 + (ROW - 20) ** 2) / 200)[..., None]
-    uneven = UnevenRest(REST, under_cloth=True)
+    correction = DirtCorrection(REST, under_cloth=True)
     # 4,800 values know a mean square to 2 %; the press bends over the square that is the measure
     for seed, given in ((0, warp(0, dirt=threads)), (1, warp(1, press, dirt=threads))):
-        found = uneven.levelled(given, State.NULLING, None)
+        found = correction.corrected(given, State.NULLING, None)
         assert np.median(found.sigma) == pytest.approx(2**0.5 * SIGMA, rel=0.1), seed
         assert np.array_equal(found.q, given.q)
 
 
 def test_nothing_is_learned_while_something_presses():
-    uneven = UnevenRest(REST)
+    correction = DirtCorrection(REST)
     for seed in range(2 * FRAMES):
-        uneven.levelled(warp(seed), State.LOCKED, None)
+        correction.corrected(warp(seed), State.LOCKED, None)
     given = warp(99)
-    assert uneven.levelled(given, State.LOCKED, None) is given
+    assert correction.corrected(given, State.LOCKED, None) is given
 
 
 def test_the_first_frame_at_rest_is_without_dirt_too_and_less_is_known_by_it():
-    uneven = UnevenRest(REST)
-    uneven.levelled(warp(0), State.NULLING, None)
-    first = uneven.levelled(warp(1), State.RESTING, None)
+    correction = DirtCorrection(REST)
+    correction.corrected(warp(0), State.NULLING, None)
+    first = correction.corrected(warp(1), State.RESTING, None)
     disturbed = DIRT[..., 0] > 0
     # what is left is the slow rest's curvature; a press begins, and the noise of that one frame comes with it
     assert np.abs(first.q - REST - SLOW)[disturbed].max() < 2 * SIGMA
-    pressed = uneven.levelled(warp(2, 1.0), State.NULLING, None)
+    pressed = correction.corrected(warp(2, 1.0), State.NULLING, None)
     off = (pressed.q - REST - SLOW - 1.0)[disturbed]
     assert np.sqrt(np.mean(off**2)) == pytest.approx(2**0.5 * SIGMA, rel=0.4)
     assert (
-        pressed.sigma[disturbed] > learned().levelled(warp(2, 1.0), State.NULLING, None).sigma[disturbed]
+        pressed.sigma[disturbed] > learned().corrected(warp(2, 1.0), State.NULLING, None).sigma[disturbed]
     ).all()
 
 
 def test_a_press_that_begins_before_the_state_says_so_is_not_taken_for_dirt():
-    uneven = UnevenRest(REST)
-    uneven.levelled(warp(0, dirt=0.0), State.NULLING, None)
+    correction = DirtCorrection(REST)
+    correction.corrected(warp(0, dirt=0.0), State.NULLING, None)
     press = 3 * np.exp(-((COL - 30) ** 2 + (ROW - 20) ** 2) / 20)[..., None]
     begun = warp(1, 0.3 * press, dirt=0.0)
-    assert uneven.levelled(begun, State.RESTING, None) is begun
+    assert correction.corrected(begun, State.RESTING, None) is begun
     pressed = warp(2, press, dirt=0.0)
-    assert uneven.levelled(pressed, State.LOCKED, None) is pressed
+    assert correction.corrected(pressed, State.LOCKED, None) is pressed
 
 
 def test_a_new_zero_is_learned_again():
-    uneven = learned()
+    correction = learned()
     zero = np.zeros_like(REST)
     given = warp(99, dirt=0.0)
-    assert uneven.levelled(given, State.LOCKED, zero) is given
+    assert correction.corrected(given, State.LOCKED, zero) is given
