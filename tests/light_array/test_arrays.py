@@ -110,6 +110,19 @@ def test_noisy_arrays_are_read_with_the_sigma_that_they_have():
     assert all(abs(peak.depth_mm) < 4 * peak.sigma_mm for peak in peaks)
 
 
+def test_arrays_that_are_displaced_are_found_and_nothing_is_called_dead():
+    # bonded 0.7 mm off, a third of a pitch: places and gains must not pass for each other
+    arrays = SimulatedArrays(leds.packaged().changed(leds={"centre_mm": (27.7, -0.5)}))
+    arrays.scenario = leds.pressed([])
+    loop = LightLoop(leds.packaged(), arrays)
+    *_, step = loop.run(seconds=0.02)
+    assert step.state is State.RESTING
+    assert loop.faults == {}
+    # gains that differ by 5 % shift the middle of what 256 detectors see by a few µm
+    pitch_mm = loop.rig.leds.pitch_mm
+    assert np.abs(pitch_mm * loop.model.off.mean(axis=0) - (-0.7, 0.5)).max() < 0.02
+
+
 def test_leds_that_fail_together_are_all_named():
     out = leds.run(leds.packaged(fault_s=0.02, dead_leds=(17, 44, 120, 201)), leds.pressed([]))
     assert set(out.faults) == {"LED 17", "LED 44", "LED 120", "LED 201"}

@@ -284,9 +284,7 @@ def fit(
     step = covariance @ (jacobian.T @ left - model.prior * state)
     left = left - jacobian @ step
     # where no detector is used, noise moves the modes as it likes
-    moved = max(
-        np.abs(model.by_mode[0] @ step[:count])[used].max(),
-        np.abs(model.by_mode[1] @ step[:count])[used].max(),
-    )
+    by_u, by_v = on * (model.by_mode[0] @ step[:count]), on * (model.by_mode[1] @ step[:count])
+    moved = max(np.abs(by_u).max(), np.abs(by_v).max())
     state = state + step
     return Fit(state, look(model, state[:count]), left, moved, 1.4826 * np.median(np.abs(left)[used]))

@@ -58,8 +58,8 @@ _REST_SIGMAS = 5.0
 """A peak smaller than this counts as no press."""
 
 _UNFIT_WORDS = (
-    "the depth modes do not explain the light: too fine a dent, light from outside, another bench, "
-    "or many channels failed at once"
+    "the depth modes do not explain the light: too fine a dent, light from outside, more noise than the rig "
+    "file says, another bench, or many channels failed at once"
 )
 _FINER_WORDS = "a dent finer than the depth modes, which would read it too shallow,"
 _STRANGE_WORDS = "readings show levels that were not sent: is there a second host?"

@@ -94,6 +94,7 @@ def measure_start(rig: LightArrayRig, model: Model, exchange: Exchange) -> Start
         raise MeasurementError("the arrays: no readings of some LEDs alone: see docs/leds.md, the link")
     response = total / times - dark[:, None]
     response[dark > SATURATED] = 0.0
+    model = _shifted(model, response)
     led, detector = _gains(response, footprints(model), 1)
     for _ in range(_FITS):  # places first: gains that change along the array look like another place
         model = _placed(model, response, led, detector)
@@ -128,6 +129,15 @@ def _at_rest(model: Model) -> Look:
 def footprints(model: Model) -> Float:
     """(detectors, LEDs) light that each detector sees of each LED alone, in the mirror at rest."""
     return each_led(_at_rest(model))
+
+
+def _shifted(model: Model, response: Float) -> Model:
+    """Model whose detectors all look elsewhere by as much, from the middles of what they see, gains apart."""
+    light, places = footprints(model), np.stack(np.divmod(np.arange(COUNT), SIDE)[::-1], axis=1)
+    most = response.sum(axis=1)
+    good = (most > np.median(most) / 2) & (light.sum(axis=1) > light.sum(axis=1).max() / 2)
+    found, expected = (part[good] @ places / part[good].sum(axis=1)[:, None] for part in (response, light))
+    return model._replace(off=model.off + np.median(found - expected, axis=0))
 
 
 def _placed(model: Model, response: Float, led: Float, detector: Float) -> Model:
