@@ -158,3 +158,29 @@ def test_nothing_is_said_of_a_contact_that_leaves_too_little_to_read() -> None:
     surface, places, _ = pressed(("ball", 0.02, 0.0), holes_mm=16.0)
     contacts = [round_contact(radius_mm=6.0)]
     assert carried(surface, places, contacts) == (None, tuple(contacts))
+
+
+@pytest.mark.parametrize("sigma_mm", [0.6, 1.0, 2.0, 4.0])
+@pytest.mark.parametrize("depth_mm", [0.03, 0.003])
+def test_nothing_is_said_of_a_pad_that_presses_around_its_wet_middle_too(
+    sigma_mm: float, depth_mm: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No pressure inside the border makes its slopes: the fit said up to -12 mm of 0.03 mm."""
+    monkeypatch.setitem(DENTS, "pad", (lambda r, a: np.exp(-(r**2) / (2 * sigma_mm**2)), 1.0))
+    surface, places, _ = pressed(("pad", depth_mm, 0.0))
+    contacts = [round_contact()]
+    assert carried(surface, places, contacts) == (None, tuple(contacts))
+
+
+def test_a_deep_pad_beside_a_ball_leaves_it_unknown_and_a_shallow_one_does_not(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(DENTS, "pad", (lambda r, a: np.exp(-(r**2) / 8), 1.0))
+    for depth_mm, known in ((0.03, False), (0.003, True)):
+        surface, places, _ = pressed(("ball", 0.02, -3.0), ("pad", depth_mm, 5.0))
+        hole = np.hypot(surface.x_mm - 5.0, surface.y_mm) < RADIUS_MM
+        surface = replace(surface, valid=surface.valid | hole, contact=surface.contact & ~hole)
+        inside, (contact,) = carried(surface, places, [round_contact(-3.0)])
+        assert (inside is not None) == known
+        # 1.5 of its sigma: the pad's slopes add to what is open of the pressure's shape
+        assert not known or abs(contact.depth_mm - 0.02) < 1.5 * contact.sigma_depth_mm

@@ -10,6 +10,7 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
+from hanging import PATIENCE_S
 from rich.console import Console
 
 from zeromethod.errors import InputError
@@ -95,7 +96,7 @@ def test_arrays_that_die_end_the_run_with_a_reason(link):
 def test_the_stand_in_ends_and_refuses_in_one_line():
     with stand_in("udp://127.0.0.1:0", stderr=subprocess.PIPE) as (process, _address):
         process.send_signal(signal.SIGINT)
-        assert process.wait(20) == 130
+        assert process.wait(PATIENCE_S) == 130
         assert process.stderr.read() == "interrupted\n"
     with stand_in("udp://127.0.0.1:0") as (_, taken):
         for given, words in (
@@ -103,7 +104,7 @@ def test_the_stand_in_ends_and_refuses_in_one_line():
             ("x", "x: udp://HOST:PORT, or serial"),
         ):
             with stand_in(given, stderr=subprocess.PIPE) as (process, _):
-                assert process.wait(20) == 2
+                assert process.wait(PATIENCE_S) == 2
                 assert process.stderr.read() == f"stand_in: {words}\n"
 
 

@@ -124,7 +124,7 @@ def test_a_run_reads_depth_and_publishes_to_the_end(real):
         dent = 2.0 * away * np.exp(-0.5 * np.sum(away**2, axis=-1, keepdims=True))
 
         newest, pressed = [], 0
-        for count, record in enumerate(run.run(seconds=60)):
+        for count, record in enumerate(run.run(seconds=2 * PATIENCE_S)):
             newest.append(record.depth_peak_mm)
             # as many frames as it takes, on a busy machine, until a few of the pressed mirror were read
             if count >= 15 and not pressed and read(run):

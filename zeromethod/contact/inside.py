@@ -28,7 +28,12 @@ _BODY = 0.03
 _FEWEST = 4
 """Nodes beside a contact that must be read."""
 _LARGEST_SHARE = 0.5
-"""Share of the mirror above which nothing is carried: too little is read around."""
+_UNEXPLAINED = 0.075
+"""Share of the slopes beside contacts that no pressure inside them makes from which something presses around
+them, too: at most 0.03 of hard objects, at least 0.18 of a pad that is wet in its middle alone."""
+_MOST, _MOST_NORMAL = 0.75, 1.15
+"""Share of these slopes of which that is said, as a mirror that folds may be off by any amount; below what
+size so many normal numbers are."""
 _STEEPEST = 0.5
 """Least change of depth along a ray, over that at one place: where it is less, the mirror folds."""
 
@@ -40,7 +45,7 @@ def carried_inside(
 
     The surface's valid nodes are those; none of them was measured. Their sigma has what objects' shapes leave
     open. A contact's depth is that in its middle, or of a node that is deeper. No surface, and contacts as
-    they were, where nothing can be said of them.
+    they were, where nothing can be said of them, as where the mirror is pressed around them, too.
     """
     nothing = None, tuple(contacts)
     if fit is None:
@@ -50,7 +55,7 @@ def carried_inside(
     if not 0 < count <= _LARGEST_SHARE * np.count_nonzero(surface.on_mirror):
         return nothing
     beside = _Beside.of(surface, contacts, fit)
-    if beside is None:
+    if beside is None or _unexplained(surface, fit) > _UNEXPLAINED:
         return nothing
     nearest = _nearest(np.stack([surface.x_mm[inside], surface.y_mm[inside]], axis=-1), contacts)
     middles = np.array([(one.x_mm, one.y_mm) for one in contacts])
@@ -76,6 +81,15 @@ def carried_inside(
     bent = np.sqrt((np.einsum("nkt,tu->nku", steep, fit.spread) * steep).sum(axis=2))
     found = np.column_stack([depth, np.sqrt(variance), slope, bent, at])
     return _surface(surface, inside, found[:count]), _with_depths(contacts, found, nearest)
+
+
+def _unexplained(surface: Surface, fit: ForceFit) -> float:
+    """Share of the slopes beside contacts that pressures inside them do not make, without noise."""
+    read = surface.valid.ravel()[fit.alone]
+    slope, sigma = (one.reshape(-1, 2)[fit.alone][read] for one in (surface.slope, surface.sigma_slope))
+    made = (fit.terms @ fit.mean).reshape(-1, 2)[fit.blocks.nodes == 1][read]
+    left, size = np.quantile(np.abs([slope - made, slope]), _MOST, axis=(1, 2))
+    return float(np.sqrt(max(left**2 - (_MOST_NORMAL * np.median(sigma)) ** 2, 0.0)) / size)
 
 
 def _dent(
