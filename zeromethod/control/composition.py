@@ -20,6 +20,7 @@ import numpy as np
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.control.box import box_sum
+from zeromethod.control.own_side import OwnSide
 from zeromethod.control.velocity import VelocityPredictor
 from zeromethod.sensing.residual import Residual
 from zeromethod.warp.continuation import continue_smoothly
@@ -121,7 +122,8 @@ def _from_rest(rest: Float, x: Float, estimate: Float, commanded: Float) -> None
 class Composition:
     """The adaptive filter of the module's equations. gain: upper limit of K, 0..1.
 
-    Invalid nodes follow a smooth continuation of their neighbours' displacement; nothing decays to rest.
+    Invalid nodes follow a smooth continuation of their neighbours' displacement, next to a saw's seam from
+    their own side of it; nothing decays to rest.
     A share K of the displacement that the sensor cannot observe is taken out of the command in every frame,
     so that it decays as fast as the observable part is learnt and cannot random-walk.
 
@@ -143,6 +145,7 @@ class Composition:
         self.gain = np.zeros(shape[:2])
         """(rows, cols) K of the last update; 0 where nothing was measured."""
         self._predictor = VelocityPredictor(rest)
+        self._own_side = OwnSide(rest)
         self.estimate: Float = rest.q.copy()
         """(rows, cols, 2) LCD px, rest and x: the command without prediction."""
         self.commanded: Float = rest.q.copy()
@@ -186,7 +189,7 @@ class Composition:
             away = np.nan_to_num(measured.q[unsteady] - self._rest.q[unsteady] - x[unsteady])
             target[unsteady] = x[unsteady] + slow[:, None] * away
             valid = valid | unsteady
-        continue_smoothly(target, valid, out=target)
+        continue_smoothly(target, self._own_side.extended(target, valid), out=target)
         observable = observable_part(target, out=self._observable)
         _drop_unobservable(target, observable, self.gain, valid, x)
         self._flags = measured.flags
