@@ -11,6 +11,7 @@ from command_line import run
 from benchmarks import leds
 from zeromethod.light_array.devices import Readings
 from zeromethod.light_array.estimate import each_led, look, model_of, seen
+from zeromethod.light_array.exchange import Exchange, no_record
 from zeromethod.light_array.frames import FRAME_BYTES, LEVELS, READINGS, Frames, frame
 from zeromethod.light_array.loop import LightLoop
 from zeromethod.light_array.modes import Modes
@@ -80,6 +81,62 @@ def test_dead_channels_are_named_at_the_start_and_left_out():
         "detector 200": "saturated",
     }
     assert max(abs(error[0]) for error in out.errors) < 0.02
+
+
+def test_channels_that_do_not_see_each_other_are_not_called_dead():
+    # the LEDs' array is 8 mm along y from where the detectors look: four rows of each are out of view
+    rig = leds.packaged().changed(leds={"centre_mm": (27.0, 8.0)}, frame={"y_mm": (-24.0, 24.0)})
+    arrays = SimulatedArrays(rig)
+    arrays.scenario = leds.pressed([])
+    loop = LightLoop(rig, arrays)
+    steps = list(loop.run(seconds=0.05))
+    assert {loop.faults[f"LED {k}"] for k in range(13 * 16, 256)} == {"seen by no detector"}
+    assert {loop.faults[f"detector {k}"] for k in range(3 * 16)} == {"looking beyond the LEDs"}
+    assert "dead" not in loop.faults.values()
+    assert steps[-1].state is State.RESTING
+    sigmas = [step.peak.sigma_mm for step in steps if step.peak is not None]
+    assert len(sigmas) > 40
+    # what nobody can see there is no doubt about what is seen elsewhere: some micrometres, not tenths of mm
+    assert np.median(sigmas) < 0.01
+
+
+def test_noisy_arrays_are_read_with_the_sigma_that_they_have():
+    rig = leds.packaged().changed(detectors={"noise": 0.01})
+    arrays = SimulatedArrays(rig)
+    arrays.scenario = leds.pressed([])
+    peaks = [step.peak for step in LightLoop(rig, arrays).run(seconds=0.05) if step.peak is not None]
+    # 250 frames make 50 readings; noise moves the fit so far in some that they are left out
+    assert len(peaks) > 30
+    assert all(abs(peak.depth_mm) < 4 * peak.sigma_mm for peak in peaks)
+
+
+def test_arrays_that_are_displaced_are_found_and_nothing_is_called_dead():
+    # bonded 0.7 mm off, a third of a pitch: places and gains must not pass for each other
+    arrays = SimulatedArrays(leds.packaged().changed(leds={"centre_mm": (27.7, -0.5)}))
+    arrays.scenario = leds.pressed([])
+    loop = LightLoop(leds.packaged(), arrays)
+    *_, step = loop.run(seconds=0.02)
+    assert step.state is State.RESTING
+    assert loop.faults == {}
+    # gains that differ by 5 % shift the middle of what 256 detectors see by a few µm
+    pitch_mm = loop.rig.leds.pitch_mm
+    assert np.abs(pitch_mm * loop.model.off.mean(axis=0) - (-0.7, 0.5)).max() < 0.02
+
+
+def test_leds_that_fail_together_are_all_named():
+    out = leds.run(leds.packaged(fault_s=0.02, dead_leds=(17, 44, 120, 201)), leds.pressed([]))
+    assert set(out.faults) == {"LED 17", "LED 44", "LED 120", "LED 201"}
+    assert out.end is State.RESTING
+
+
+def test_detectors_that_the_pattern_at_rest_saturates_are_named():
+    rig = leds.packaged(detector_spread=0.1, seed=2)
+    arrays = SimulatedArrays(rig)
+    arrays.scenario = leds.pressed([])
+    loop = LightLoop(rig, arrays)
+    for step in loop.run(seconds=0.05):
+        assert step.counts is None or step.counts[loop._channels.alive].max() < 65535
+    assert "saturated" in loop.faults.values()
 
 
 @pytest.mark.parametrize(
@@ -173,6 +230,23 @@ def test_frames_come_through_noise_on_the_line():
     assert len(one) == FRAME_BYTES == 536
     assert Frames(READINGS).add(one) == []
     assert Frames(READINGS).add(frame(READINGS, found[0]))[0].number == 7
+
+
+def test_clocks_and_numbers_of_any_size_are_taken():
+    sent = Readings(2**32 + 3, 2**32 - 1, -5, np.arange(256, dtype=np.uint16))
+    (came,) = Frames(READINGS).add(frame(READINGS, sent))
+    assert (came.number, came.shown) == (3, 2**32 - 1)
+    # a clock beyond 2^63 ns: as a number that tables of 64 bits with a sign can hold
+    assert came.time_ns == -5
+
+
+def test_levels_are_numbered_as_32_bits_can_return_them():
+    exchange = Exchange(SimulatedArrays(leds.packaged()), 1.0, no_record)
+    exchange._number = 2**32 - 2
+    levels = np.arange(256, dtype=np.uint16)
+    exchange.send(levels)
+    exchange.send(levels + 1)
+    assert exchange.levels(0)[0] == 1
 
 
 def test_what_is_named_is_the_channel_that_explains_most():

@@ -9,7 +9,7 @@ from zeromethod.light_array.devices import FULL_SCALE, Counts
 from zeromethod.light_array.estimate import Fit, each_led
 from zeromethod.light_array.finer import FinerDents
 from zeromethod.light_array.optics import COUNT
-from zeromethod.light_array.start import Start
+from zeromethod.light_array.start import SATURATED, Start
 
 OUTLIER = 6.0
 """Residual, in robust standard deviations, above which a detector is not used in a frame."""
@@ -26,8 +26,8 @@ _LEAST_DRIFT = 0.25
 _SUDDEN = 2.0
 """Mean residual, in sigmas, that drift does not reach before it is found: more came suddenly."""
 
-_SATURATED, _DEAD = 0.98, 0.005
-"""Reading, of full scale, above which a detector is saturated; light below which it is dead."""
+_DEAD = 0.005
+"""Light below which a detector is dead."""
 
 _FOOTPRINT = 0.05
 """Detectors that see at least this share of the most that any sees of an LED are around it."""
@@ -43,9 +43,9 @@ class Channels:
     """Which LEDs and detectors are used.
 
     faults: names of those left out for good, and why. led: (256,) gains, 0 where left out. alive: (256,)
-    detectors that are not left out for good; used: those that count in the next frame. strange: how many of
-    the alive ones were off in the last frame. pressed: set from outside while a narrow dent is certain;
-    detectors that are off are used all the same then.
+    detectors that are not left out for good; read: those of them that were not saturated in the last frame;
+    used: those that count in the next one. strange: how many of `read` were off. pressed: set from outside
+    while a narrow dent is certain; detectors that are off are used all the same then.
     """
 
     def __init__(self, start: Start, finer: FinerDents) -> None:
@@ -55,6 +55,7 @@ class Channels:
         self.led = start.led.copy()
         self.alive: Mask = np.isfinite(start.detector)
         self.used: Mask = self.alive.copy()
+        self.read: Mask = self.alive.copy()
         self.strange = 0
         self.pressed = False
         self._running = np.zeros(COUNT, np.int64)
@@ -67,10 +68,12 @@ class Channels:
         counts, shown: what the detectors read, and the levels (256,) that were lit, 1 for full light.
         at_rest: nothing presses. Only then are channels left out: a narrow dent would pass for a fault.
         """
+        saturated = counts > SATURATED * FULL_SCALE
         off = np.abs(found.left) > OUTLIER * max(found.scale, 1.0)
         self._running = np.where(off, self._running + 1, 0)
-        self.used = self.alive if self.pressed else self.alive & ~off
-        self.strange = int(np.count_nonzero(self.alive & off))
+        self.read = self.alive & ~saturated
+        self.used = self.read if self.pressed else self.read & ~off
+        self.strange = int(np.count_nonzero(self.read & off))
         if not at_rest:
             return []
         named = []
@@ -100,7 +103,7 @@ class Channels:
         place = (columns > _FOOTPRINT * columns.max(axis=0)).T
         around = place @ np.maximum(left**2 - noise, 0.0)
         explained[(explained < _WHOLE * around) | (share >= _DARK * power)] = 0.0
-        saturated = counts > _SATURATED * FULL_SCALE
+        saturated = counts > SATURATED * FULL_SCALE
         alone = lasting & (saturated | (self._start.reading(counts) < _DEAD))
         detector, led = int(np.argmax(np.abs(left) * alone)), int(np.argmax(explained))
         if explained[led] > (left[detector] ** 2 if alone[detector] else 0.0):
@@ -121,10 +124,8 @@ class Channels:
         """Leave out a channel for good; a note for the operator."""
         if led:
             self.led[number] = 0.0
-            self._running[:] = 0
         else:
             self.alive[number] = False
-            self._running[number] = 0
             self._finer.use(self.alive)
         self._mean[:] = 0.0
         self._frames = 0

@@ -246,8 +246,8 @@ class Fit(NamedTuple):
     """What a frame says.
 
     state: after the step; look: by that state. left: (256,) residual after the step, in sigmas of a reading,
-    of detectors that are not used, too: they may have come back. moved: largest change of a place looked at,
-    LED pitches. scale: robust size of `left`, 1 for noise alone.
+    of detectors that are not used, too: they may have come back. moved: largest change of a place that a
+    detector in use looks at, LED pitches. scale: robust size of `left`, 1 for noise alone.
     """
 
     state: Float
@@ -283,6 +283,8 @@ def fit(
         covariance[:] = np.linalg.inv(jacobian.T @ jacobian + np.diag(model.prior))
     step = covariance @ (jacobian.T @ left - model.prior * state)
     left = left - jacobian @ step
-    moved = max(np.abs(model.by_mode[0] @ step[:count]).max(), np.abs(model.by_mode[1] @ step[:count]).max())
+    # where no detector is used, noise moves the modes as it likes
+    by_u, by_v = on * (model.by_mode[0] @ step[:count]), on * (model.by_mode[1] @ step[:count])
+    moved = max(np.abs(by_u).max(), np.abs(by_v).max())
     state = state + step
     return Fit(state, look(model, state[:count]), left, moved, 1.4826 * np.median(np.abs(left)[used]))

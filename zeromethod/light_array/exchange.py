@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from zeromethod.light_array.devices import ArraysLost, Counts, LightArrays, Readings
+from zeromethod.light_array.frames import NUMBERS
 from zeromethod.loop.state import State
 
 _REMEMBERED = 256
@@ -62,7 +63,7 @@ class Exchange:
 
     def send(self, levels: Counts) -> None:
         """Send levels. Raises GivenUp where the arrays are lost and cannot be opened again."""
-        self._number += 1
+        self._number = (self._number + 1) & NUMBERS  # as readings return it
         self._sent.append((self._number, levels))
         self.record("levels", self._number, levels)
         try:

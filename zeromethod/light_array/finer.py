@@ -24,7 +24,7 @@ _WIDTHS = 5
 """So many widths of dents are tried, from the narrowest to those that the modes read."""
 
 _SEEN = 1e-3
-"""Sum of a template's squares, in variances of a reading, below which it cannot be seen."""
+"""Sum of the squares that a failed channel leaves, in variances of a reading, below which it is not seen."""
 
 _CHANNEL_SHARE = 0.8
 """A dent must have at least this share of the evidence for a failed channel: a true dent lies between those
@@ -68,6 +68,8 @@ class FinerDents:
         optics = ArrayOptics.of(rig)
         view = optics.mirror_mm[:, :2]
         self._places, self._sigma = _dents(view, rig.reading.dent_mm)
+        # a dent that one frame sees less well than its expected depth is not in view
+        self._least = np.repeat([rig.reading.depth_mm**-2, _SEEN], [len(self._sigma), 2 * COUNT])
         self._moved = place_by(optics, self._fields(view, np.arange(len(self._sigma))))
         low, high = view.min(axis=0), view.max(axis=0)
         self._grid = np.mgrid[low[0] : high[0] : _STEP_MM, low[1] : high[1] : _STEP_MM].reshape(2, -1).T
@@ -107,7 +109,7 @@ class FinerDents:
         """From now on, only these detectors (256,) are read."""
         self._shown = np.ascontiguousarray(self._left * alive, np.float32)
         power = np.sum(self._shown**2, axis=1, dtype=float)
-        self._variance = np.divide(1.0, power, out=np.zeros(len(power)), where=power > _SEEN)
+        self._variance = np.divide(1.0, power, out=np.zeros(len(power)), where=power > self._least)
 
     def _evidence(self, left: Float, frames: int) -> tuple[Float, Float]:
         """Size of each template in a mean residual of so many frames; its evidence, in squares of sigmas."""

@@ -13,15 +13,19 @@ LEVELS, READINGS = 1, 2
 """Kinds of frame: levels from host to arrays (`shown` and `time_ns` are 0), readings from arrays to host."""
 
 _MAGIC, _VERSION = b"ZL", 1
-_CONTENT = struct.Struct("<2sBBIIQ512s")
-"""Magic, version, kind, number, shown, time_ns, 256 values of 16 bits; a CRC-32 of all this follows."""
+_CONTENT = struct.Struct("<2sBBIIq512s")
+"""Magic, version, kind, number, shown, time_ns (what counts are differences, so its sign does not matter),
+256 values of 16 bits; a CRC-32 of all this follows."""
+
+NUMBERS = 0xFFFFFFFF
+"""Numbers have 32 bits, and begin again at 0."""
 
 FRAME_BYTES = _CONTENT.size + 4
 
 
 def frame(kind: int, of: Readings) -> bytes:
     """Frame of a kind; of levels: their number and, as counts, the levels (256,)."""
-    number, shown = of.number & 0xFFFFFFFF, of.shown & 0xFFFFFFFF
+    number, shown = of.number & NUMBERS, of.shown & NUMBERS
     values = of.counts.astype("<u2").tobytes()
     content = _CONTENT.pack(_MAGIC, _VERSION, kind, number, shown, of.time_ns, values)
     return content + zlib.crc32(content).to_bytes(4, "little")

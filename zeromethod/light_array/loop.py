@@ -41,8 +41,9 @@ _MOST_STRANGE = 6
 """When more detectors than these are off in one frame, single ones have not failed: it is a narrow dent, or a
 contact."""
 
-_SETTLED = 0.02
-"""Change of the places looked at, LED pitches, below which one linear step of the fit is exact enough."""
+_SETTLED, _BY_NOISE = 0.02, 4.5
+"""Change of the places looked at, LED pitches, below which one linear step of the fit is exact enough; or so
+many sigmas of what noise changes, where that is more."""
 
 _MOST_HIDDEN = 0.2
 """Depth that the modes miss of a finer dent, over the peak, above which nothing is read."""
@@ -56,7 +57,10 @@ _UNFIT_FRAMES = 50
 _REST_SIGMAS = 5.0
 """A peak smaller than this counts as no press."""
 
-_UNFIT_WORDS = "the depth modes do not explain the light: too fine a dent, light from outside, another bench"
+_UNFIT_WORDS = (
+    "the depth modes do not explain the light: too fine a dent, light from outside, more noise than the rig "
+    "file says, another bench, or many channels failed at once"
+)
 _FINER_WORDS = "a dent finer than the depth modes, which would read it too shallow,"
 _STRANGE_WORDS = "readings show levels that were not sent: is there a second host?"
 _DARK_WORDS = "the arrays show no levels yet"
@@ -114,6 +118,7 @@ class LightLoop:
                 self._channels = Channels(self.start, self._finer)
                 self.faults, self.model = self._channels.faults, self.start.model
                 self._from_rest()
+                self._still = max(_SETTLED, _BY_NOISE * self._noise_of_places())
                 self._link.send(self.start.levels)
                 notes = (f"{name} is {why} and left out" for name, why in self.faults.items())
                 yield self._step(notes=tuple(notes))
@@ -134,6 +139,15 @@ class LightLoop:
         """Let the next frame's fit start from the mirror at rest."""
         self._estimate = np.zeros(len(self.model.prior))
         self._look = look(self.model, self._estimate[:-2])
+
+    def _noise_of_places(self) -> float:
+        """Standard deviation, LED pitches, that noise makes of a place looked at: the greatest, at rest."""
+        start, used = self.start, self._channels.used
+        assert start is not None
+        lit, look_ = start.led * start.levels / FULL_SCALE, self._look
+        fit(self.model, self._estimate, look_, self._covariance, True, lit, start.offset, start.rest, used)
+        by = self.model.by_mode[:, used]
+        return float(np.sqrt(np.max(np.sum((by @ self._covariance[:-2, :-2]) * by, axis=-1))))
 
     def _take(self, got: Readings) -> LightStep:
         """Once round: fit the modes, send the next levels, judge the state."""
@@ -156,7 +170,7 @@ class LightLoop:
             channels.used,
         )  # fmt: skip
         self._estimate, self._look = found.state, found.look
-        self._settled = found.moved < _SETTLED
+        self._settled = found.moved < self._still
         used = channels.used
         missing = np.where(used, self.start.rest - reading, 0.0)
         wanted, could, residual = next_levels(
@@ -168,6 +182,8 @@ class LightLoop:
         notes = channels.see(found, got.counts, shown, at_rest)
         self.counts.update(note.removesuffix(" and left out") for note in notes)
         fits = fits and channels.strange <= _MOST_STRANGE
+        if notes:
+            self._unfit = 0  # channels that fail together are left out one by one
         modes, peak, surface = self._read(found, got.time_ns) if fits else (None, None, None)
         used_share = float(used.mean())
         self._judge(could / sigma, fits and not self._finer_dent, used_share)
@@ -203,7 +219,7 @@ class LightLoop:
             return None, None, None
         modes = np.mean([one.state[:-2] for one in self._readings], axis=0)
         left = np.mean([one.left for one in self._readings], axis=0)
-        finer = self._finer.find(np.where(self._channels.alive, left, 0.0), READ_EVERY)
+        finer = self._finer.find(np.where(self._channels.read, left, 0.0), READ_EVERY)
         self._channels.pressed = finer.sure
         peak, noise_mm = self.reader.peak(modes, self._covariance, finer, READ_EVERY)
         self._at_rest = abs(peak.depth_mm) < _REST_SIGMAS * peak.sigma_mm

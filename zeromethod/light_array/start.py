@@ -31,8 +31,16 @@ _FEWEST = 4
 _DEAD = 0.2
 """Gain, over the median, below which a channel is dead."""
 
+_FAINT = 0.02
+"""Light that a detector sees of an LED, over the most, below which it does not see it: noise would pass for a
+gain."""
+
+_UNSEEN = {"detector": "looking beyond the LEDs", "LED": "seen by no detector"}
+
 _TINY = 1e-12
-_SATURATED = 0.98
+SATURATED = 0.98
+"""Reading, of full scale, above which a detector is saturated."""
+
 _FEWEST_ALIVE = 0.5
 
 Exchange = Callable[[Sequence[Counts]], list[Readings | None]]
@@ -85,19 +93,30 @@ def measure_start(rig: LightArrayRig, model: Model, exchange: Exchange) -> Start
     if times.min() == 0:
         raise MeasurementError("the arrays: no readings of some LEDs alone: see docs/leds.md, the link")
     response = total / times - dark[:, None]
-    faults = {f"detector {k}": "saturated" for k in np.flatnonzero(dark > _SATURATED)}
-    response[dark > _SATURATED] = 0.0
+    response[dark > SATURATED] = 0.0
+    model = _shifted(model, response)
     led, detector = _gains(response, footprints(model), 1)
     for _ in range(_FITS):  # places first: gains that change along the array look like another place
         model = _placed(model, response, led, detector)
         led, detector = _gains(response, footprints(model))
-    faults |= {f"detector {k}": "dead" for k in np.flatnonzero((detector == 0) & (dark <= _SATURATED))}
-    faults |= {f"LED {k}": "dead" for k in np.flatnonzero(led == 0)}
-    if min(np.mean(led > 0), np.mean(detector > 0)) < _FEWEST_ALIVE:
-        raise MeasurementError("the arrays: more than half of the LEDs or detectors are dead")
-    detector = np.where(detector > 0, detector, np.inf)
+    light = footprints(model)
+    unseen = {
+        "detector": light.max(axis=1) < _FAINT * light.max(),
+        "LED": light.max(axis=0) < _FAINT * light.max(),
+    }
+    detector[unseen["detector"]], led[unseen["LED"]] = 0.0, 0.0
     levels = np.where(led > 0, levels_at_rest(rig), 0).astype(np.uint16)
-    rest = (_mean(exchange, levels, _REST_FRAMES) - dark) / detector
+    pattern = _mean(exchange, levels, _REST_FRAMES)
+    saturated = np.maximum(dark, pattern) > SATURATED
+    detector[saturated] = 0.0
+    faults = {f"{kind} {k}": _UNSEEN[kind] for kind in unseen for k in np.flatnonzero(unseen[kind])}
+    faults |= {f"detector {k}": "saturated" for k in np.flatnonzero(saturated)}
+    for kind, gain in (("detector", detector), ("LED", led)):
+        faults = {f"{kind} {k}": "dead" for k in np.flatnonzero(gain == 0)} | faults
+    if min(np.mean(led > 0), np.mean(detector > 0)) < _FEWEST_ALIVE:
+        raise MeasurementError("the arrays: more than half of the LEDs or detectors are dead, or not in view")
+    detector = np.where(detector > 0, detector, np.inf)
+    rest = (pattern - dark) / detector
     offset = np.where(np.isfinite(detector), rest - seen(_at_rest(model), led * levels / FULL_SCALE), 0.0)
     return Start(model, led, detector, dark, offset, rest, levels, faults)
 
@@ -110,6 +129,15 @@ def _at_rest(model: Model) -> Look:
 def footprints(model: Model) -> Float:
     """(detectors, LEDs) light that each detector sees of each LED alone, in the mirror at rest."""
     return each_led(_at_rest(model))
+
+
+def _shifted(model: Model, response: Float) -> Model:
+    """Model whose detectors all look elsewhere by as much, from the middles of what they see, gains apart."""
+    light, places = footprints(model), np.stack(np.divmod(np.arange(COUNT), SIDE)[::-1], axis=1)
+    most = response.sum(axis=1)
+    good = (most > np.median(most) / 2) & (light.sum(axis=1) > light.sum(axis=1).max() / 2)
+    found, expected = (part[good] @ places / part[good].sum(axis=1)[:, None] for part in (response, light))
+    return model._replace(off=model.off + np.median(found - expected, axis=0))
 
 
 def _placed(model: Model, response: Float, led: Float, detector: Float) -> Model:

@@ -60,7 +60,8 @@ class Surface:
         mirror as the lens's pupil averages it, and correlated between nodes: `SurfaceReader.covariance`.
     sigma_slope : (rows, cols, 2)
         Standard deviation of slope, rad, at a fixed mirror point (within 1 mm of the LCD, by P0, depth's own
-        noise moves the point and takes up to 14 % off).
+        noise moves the point and takes up to 14 % off). Not in it: where the mirror bends across the view's
+        border, slopes in the last three rows of nodes err by up to as much as the bend from node to node.
     valid : (rows, cols) bool
         Nodes with a depth.
     contact : (rows, cols) bool
