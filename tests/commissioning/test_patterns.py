@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from zeromethod import Rig, open_devices
 from zeromethod.commissioning.patterns import SettledPatterns, TimedPatterns, uniform_pattern
 from zeromethod.devices.protocols import Frame
+from zeromethod.errors import MeasurementError
 
 from .setting_up_benches import SMALL_RIG, Altered
 
@@ -83,3 +84,20 @@ def test_frames_that_follow_a_change_are_waited_for_on_a_slow_camera():
         times = [since_s for since_s, _ in pictures.following(uniform_pattern(slow, 255), 0.1, 5)]
     assert len(times) == 5
     assert np.diff(times) == pytest.approx(1 / 12, abs=2e-3)
+
+
+def test_a_driver_that_breaks_its_contract_is_named():
+    with open_devices(SMALL_RIG) as devices:
+        camera, display = devices.camera, devices.display
+
+        def short(timeout_s: float) -> Frame:
+            frame = camera.read(timeout_s)
+            return replace(frame, image=frame.image[:-2])
+
+        devices.display = Altered(display, show=lambda _: None)
+        dark = uniform_pattern(SMALL_RIG, 0)
+        with pytest.raises(MeasurementError, match=r"show\(\) gave None, not the presentation time in ns"):
+            TimedPatterns(SMALL_RIG, devices, 0.0).show(dark)
+        devices.camera, devices.display = Altered(camera, read=short), display
+        with pytest.raises(MeasurementError, match=r"the frame is \(\d+, \d+\) uint8, not \("):
+            TimedPatterns(SMALL_RIG, devices, 0.0).frames(dark, 1)

@@ -86,6 +86,11 @@ class AbsentCamera(PlainCamera):
         raise CameraLost("no such device\non this bus")
 
 
+class UnsetCamera(PlainCamera):
+    def __init__(self) -> None:
+        raise KeyError("LAB_SCRIPT")
+
+
 class NoCamera:
     shape = (1, 1)
 
@@ -176,6 +181,7 @@ def test_a_clock_that_is_given_wins():
         ("SmallCamera", r"^camera: the device's frames are \(10, 10\)"),
         ("DeepCamera", "^camera.bits: the device gives 12; the rig says 8"),
         ("AbsentCamera", "cannot be opened: no such device on this bus$"),
+        ("UnsetCamera", "cannot be opened: KeyError: 'LAB_SCRIPT'$"),
         ("NoCamera", "not a camera: lacks bits, read, close"),
     ],
 )

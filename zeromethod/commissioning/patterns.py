@@ -15,6 +15,7 @@ import numpy as np
 
 from zeromethod.arrays import Bytes, Image, Single
 from zeromethod.devices.abilities import poll_of
+from zeromethod.devices.contract import presentation_ns, wrong_image
 from zeromethod.devices.opening import Devices
 from zeromethod.devices.protocols import CameraTimeout, Frame
 from zeromethod.errors import MeasurementError
@@ -69,10 +70,15 @@ class TimedPatterns:
         self.hold_s = 1e-9 * seen_ns + margin_s
         self._devices = devices
         self._timeout_s = rig.control.timeout_s
+        self._image = (rig.camera.rows, rig.camera.columns), np.uint8 if rig.camera.bits == 8 else np.uint16
 
     def show(self, codes: Bytes) -> int:
-        """Show LCD codes (rows, cols); presentation time, ns."""
-        return round(self._devices.display.show(codes))
+        """Show LCD codes (rows, cols); presentation time, ns. Raises MeasurementError where there is none."""
+        given = self._devices.display.show(codes)
+        try:
+            return presentation_ns(given)
+        except TypeError as error:
+            raise MeasurementError(f"the display: {error}") from error
 
     def frames(self, codes: Bytes, count: int) -> list[Frame]:
         """Show a pattern and take `count` frames that saw nothing else."""
@@ -107,14 +113,17 @@ class TimedPatterns:
                 yield since_s, frame
 
     def read(self) -> Frame:
-        """Newest frame. Raises MeasurementError for a silent camera; CameraLost passes."""
+        """Newest frame. Raises MeasurementError for a silent camera, and a wrong image; CameraLost passes."""
         poll = poll_of(self._devices.display) or (lambda: None)
         for _ in range(TIMEOUTS_TO_FAIL):
             poll()
             try:
-                return self._devices.camera.read(self._timeout_s)
+                frame = self._devices.camera.read(self._timeout_s)
             except CameraTimeout:
                 continue
+            if wrong := wrong_image(frame.image, *self._image):
+                raise MeasurementError(wrong)
+            return frame
         raise MeasurementError(f"the camera gave no frame for {TIMEOUTS_TO_FAIL * self._timeout_s:g} s")
 
 

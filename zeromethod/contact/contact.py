@@ -119,13 +119,15 @@ class Contact(ContactFigures):
 
     outline_mm: (n, 2) a closed polygon, world x and y, from x to y, its points about as far apart as pixels.
     outline_px: (n, 2) the border as the camera sees it, (u, v). probability: of contact, per pixel.
-    image: what touches; None where too little was read around it to place it in mm.
+    image: what touches; None where too little was read around it to place it in mm. carrier_left: amplitude
+    of the carriers in its middle over that at rest; NaN where it is not what shows contacts.
     """
 
     outline_mm: Float
     outline_px: Float
     probability: Probability
     image: ContactImage | None = None
+    carrier_left: float = math.nan
 
     @classmethod
     def of_row(cls, row: Any) -> Contact:

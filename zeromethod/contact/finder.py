@@ -72,6 +72,11 @@ class ContactFinder:
         """Whether the picture at rest is known."""
         return self._rest.known
 
+    @property
+    def followed(self) -> frozenset[int]:
+        """Ids of the contacts that are not lifted, seen in the last frame or not."""
+        return self._track.ids
+
     def follow(
         self, image: Image, residual: Residual, surface: Surface, *, nulled: bool, exposure_ns: int = 0
     ) -> tuple[Contact, ...]:

@@ -7,12 +7,17 @@ its area only roughly, as right beside it the mirror bends too fast for a node's
 
 For the frame or two after a finger has gone the LCD still shows the picture that nulled its dent, which bends
 just as fast. So what has lost its carriers is a contact only if a force presses there.
+
+In an exposure that a finger comes into, carriers in its middle keep their amplitude for the share of the time
+before. What is left of them says whether one frame shows the whole finger, and whether one that is not found
+any more has left: nothing gives the carriers back while threads are pressed on the mirror.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -24,15 +29,19 @@ from zeromethod.contact.force_fit import ForceFit
 from zeromethod.contact.moments import moments
 from zeromethod.contact.outline import first_outline
 from zeromethod.contact.polygon import perimeter, signed_area
-from zeromethod.contact.track import FORGOTTEN_FRAMES
+from zeromethod.contact.track import ContactTrack
 from zeromethod.optics import Optics
 from zeromethod.rig.model import Rig
 from zeromethod.sensing.residual import Residual
 from zeromethod.surface import Peak, Surface
 from zeromethod.warp.grid import NodeGrid
+from zeromethod.warp.validity import Flag
 
 LEFT_SHARE = 0.5
 """Amplitude over that at rest below which a node lies in a contact."""
+_WHOLE_SHARE = 0.3
+"""The same in the middle of a contact, below which one frame shows it as it is, as it was there for most of
+the exposure: planted fingers were 0.4 mm off at most, pieces of fingers that came half-way had 0.39."""
 _FINE = 4
 """Points between nodes at which the border is looked for, along either axis."""
 _LEAST_NODES = 3
@@ -44,6 +53,8 @@ _EDGE = 0.5
 _LEAST_SIGMAS, _LEAST_STRAIN = 3.0, 0.002
 """Of a force, by its sigma, and of its mean pressure over the modulus: a ball that flattens 2 mm so gently
 has a radius of 0.2 m; planted fingers were above 0.01, what a gone one leaves below 0.0005."""
+_STILL = 0.5
+"""The least for one that pressed before, over that: nearly all that gone fingers left behind was below."""
 _NOTHING = Probability(0, 0, np.zeros((0, 0), np.float32))
 
 
@@ -52,8 +63,10 @@ class ThreadFinder(ContactFinder):
 
     def __init__(self, rig: Rig, optics: Optics, grid: NodeGrid) -> None:
         super().__init__(rig, optics, grid)
+        self._track = ContactTrack(whole=lambda one: one.carrier_left < _WHOLE_SHARE, left=self._has_left)
+        self._first_px = np.array([grid.u_px[0], grid.v_px[0]], dtype=np.float64)
         self._modulus_mpa = rig.rubber.youngs_modulus_mpa or 0.0
-        self._unpressed: dict[int, int] = {}
+        self._down: set[int] = set()
 
     def _found(
         self,
@@ -61,7 +74,8 @@ class ThreadFinder(ContactFinder):
         residual: Residual,
         surface: Surface,
     ) -> Iterable[Contact | None]:
-        left = self._rest.left(residual)
+        left = self._left = self._rest.left(residual)
+        self._weak = residual.flags & np.uint16(Flag.MODULATION) != 0
         near = np.argwhere(left < LEFT_SHARE)
         if len(near) < _LEAST_NODES:
             return []
@@ -82,16 +96,20 @@ class ThreadFinder(ContactFinder):
     ) -> tuple[Surface, Peak, tuple[Contact, ...]]:
         """As `ContactFinder.carry`, with those that are not named yet, which are in `fit`, too.
 
-        Contacts in which nothing presses are left out, and are others if they press again.
+        Contacts in which nothing presses are left out, are lifted, and are others if they press again.
         """
         surface, deepest, carried = super().carry(surface, deepest, (*contacts, *self.unnamed), fit)
-        pressing = tuple(one for one in carried[: len(contacts)] if self._presses(one))
-        since = {number: frames + 1 for number, frames in self._unpressed.items()}
-        self._unpressed = since | dict.fromkeys((one.id for one in pressing), 0)
-        for number in [k for k, frames in self._unpressed.items() if frames >= FORGOTTEN_FRAMES]:
-            del self._unpressed[number]
+        pressing = tuple(_newly_come(one) for one in carried[: len(contacts)] if self._presses(one))
+        pressed = {one.id for one in pressing}
+        for number in self._down & {one.id for one in contacts} - pressed:
             self._track.renew(number, surface.time_ns)
+        self._down = pressed | self._down & self.followed
         return surface, deepest, pressing
+
+    def _has_left(self, contact: Contact) -> bool:
+        """Whether carriers are seen again in the middle of where a contact was."""
+        around = self._around(contact.outline_px)
+        return bool(self._left[around].mean() >= LEFT_SHARE and not self._weak[around].any())
 
     def _presses(self, contact: Contact) -> bool:
         """Whether a force presses there, or none could be read."""
@@ -100,7 +118,7 @@ class ThreadFinder(ContactFinder):
         least = max(
             _LEAST_SIGMAS * contact.sigma_force_n, _LEAST_STRAIN * self._modulus_mpa * contact.area_mm2
         )
-        return contact.force_n > least
+        return contact.force_n > least * (_STILL if contact.id in self._down else 1.0)
 
     def _named(self, found: list[Contact], surface: Surface) -> tuple[Contact, ...]:
         named = super()._named(found, surface)
@@ -139,13 +157,26 @@ class ThreadFinder(ContactFinder):
             outline_px=points_px,
             scattered=float("nan"),
             probability=_NOTHING,
+            carrier_left=float(self._left[self._around(points_px)].mean()),
         )
 
     def _px(self, fine: Float, corner: tuple[int, int]) -> Float:
         """Camera px of points (n, 2) (column, row) of the fine map."""
         nodes = (fine + 0.5) / _FINE - 0.5 + np.array(corner)
-        first = np.array([self._grid.u_px[0], self._grid.v_px[0]], dtype=np.float64)
-        return np.asarray(first + nodes * self._grid.spacing_px)
+        return np.asarray(self._first_px + nodes * self._grid.spacing_px)
+
+    def _around(self, outline_px: Float) -> tuple[slice, slice]:
+        """The 3 x 3 nodes in the middle of a border."""
+        col, row = np.rint((outline_px.mean(axis=0) - self._first_px) / self._grid.spacing_px).astype(int)
+        return np.s_[max(row - 1, 0) : row + 2, max(col - 1, 0) : col + 2]
+
+
+def _newly_come(contact: Contact) -> Contact:
+    """The contact; in its first frame with the share of its force open by which it may have come late."""
+    if contact.age_s > 0:
+        return contact
+    open_n = contact.carrier_left * contact.force_n
+    return replace(contact, sigma_force_n=math.hypot(contact.sigma_force_n, open_n))
 
 
 def finder_of(rig: Rig, optics: Optics, grid: NodeGrid) -> ContactFinder:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,6 +13,9 @@ CONFIRMED_FRAMES = 2
 """Frames in a row in which a contact is seen before it is named."""
 FORGOTTEN_FRAMES = 2
 """Frames in a row without it after which it is lifted."""
+_ALONE = 2.5
+"""Distance to all others, there or where they were, in the measure of `_apart`, from which a contact is no
+piece of one that comes or lifts while the frame is exposed: planted fingers' pieces lay within 2.3."""
 
 
 @dataclass(slots=True)
@@ -28,17 +31,29 @@ class ContactTrack:
     """Gives contacts their ids.
 
     A contact is that of the frame before whose centroid lies nearest, if it lies nearer than the larger one's
-    half size and half a mm; each is taken once, nearest pairs first.
+    half size and half a mm; each is taken once, nearest pairs first. whole: whether one that lies alone is
+    named in its first frame. left: whether one that is missing is seen to have left.
     """
 
-    def __init__(self) -> None:
+    def __init__(
+        self,
+        whole: Callable[[Contact], bool] = lambda _: False,
+        left: Callable[[Contact], bool] = lambda _: False,
+    ) -> None:
+        self._whole, self._has_left = whole, left
         self._followed: list[_Followed] = []
         self._next = 1
+
+    @property
+    def ids(self) -> frozenset[int]:
+        """Those of the contacts that are not lifted, seen in the last frame or not."""
+        return frozenset(one.id for one in self._followed if one.id)
 
     def follow(self, found: Sequence[Contact], time_ns: int = 0) -> tuple[Contact, ...]:
         """The next frame's contacts that are confirmed, with ids and ages, in the order given."""
         taken: dict[int, _Followed] = {}
         left = list(self._followed)
+        before = [one.last for one in left]
         pairs = [(_apart(one.last, new), k, one) for one in left for k, new in enumerate(found)]
         for apart, k, one in sorted(pairs, key=lambda pair: pair[0]):
             if apart < 1 and k not in taken and one in left:
@@ -47,6 +62,8 @@ class ContactTrack:
         for one in left:
             one.missing += 1
             one.seen = 0 if one.id == 0 else one.seen
+            if self._has_left(one.last):
+                one.missing = FORGOTTEN_FRAMES
         result = []
         for k, new in enumerate(found):
             if k not in taken:
@@ -54,12 +71,17 @@ class ContactTrack:
                 self._followed.append(taken[k])
             followed = taken[k]
             followed.last, followed.seen, followed.missing = new, followed.seen + 1, 0
-            if followed.id == 0 and followed.seen >= CONFIRMED_FRAMES:
+            others = [*before, *found[:k], *found[k + 1 :]]
+            if followed.id == 0 and (followed.seen >= CONFIRMED_FRAMES or self._is_sure(new, others)):
                 followed.id, self._next = self._next, self._next + 1
             if followed.id:
                 result.append(replace(new, id=followed.id, age_s=1e-9 * (time_ns - followed.since_ns)))
         self._followed = [one for one in self._followed if one.missing < (FORGOTTEN_FRAMES if one.id else 1)]
         return tuple(result)
+
+    def _is_sure(self, new: Contact, others: Sequence[Contact]) -> bool:
+        """Whether one frame is enough: it shows all of a contact, and no piece of another one."""
+        return self._whole(new) and all(_apart(new, one) > _ALONE for one in others)
 
     def renew(self, contact_id: int, time_ns: int) -> None:
         """Give a contact that was said to be lifted, but is still seen, a new id and age."""

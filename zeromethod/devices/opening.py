@@ -336,4 +336,5 @@ def _members(protocol: type) -> list[str]:
 
 
 def _one_line(error: BaseException) -> str:
-    return " ".join(str(error).split()) or type(error).__name__
+    words, name = " ".join(str(error).split()), type(error).__name__
+    return f"{name}: {words}" if words and isinstance(error, KeyError) else words or name

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import count
 from typing import Any
@@ -14,13 +14,7 @@ import numpy as np
 from zeromethod.contact import ContactFigures
 from zeromethod.interactive.homography import mapped, mm_to_px
 from zeromethod.rig.model import ProjectorSpec
-from zeromethod.surface import Surface
 
-LIFTED_FRAMES = 2
-"""Readings in a row without a finger after which it is up, as contacts are followed."""
-_DENT_LEFT = 0.5
-"""Depth over that under a finger, below which it is up in the first reading without it: one that was only not
-found has its dent still, and fingers around it make a part of it."""
 UNKNOWN_S = 0.25
 """Time without any reading after which nobody knows where fingers are."""
 _MOVED_SIGMAS, _PRESSED_SIGMAS, _LEAST_PRESSURE = 0.5, 2.0, 0.01
@@ -126,18 +120,10 @@ class PointerEvent:
 
 @dataclass(slots=True)
 class _Down:
-    """A finger that is down: what was said of it last, its dent, and in how many readings it is missing."""
+    """A finger that is down: what was said of it last, and its area."""
 
     said: PointerEvent
-    depth_mm: float
     area_mm2: float
-    missing: int = 0
-
-    def has_no_dent(self, surface: Surface) -> bool:
-        """Whether the mirror, where the finger was, is seen and no longer dented by it."""
-        away = np.hypot(surface.x_mm - self.said.x_mm, surface.y_mm - self.said.y_mm)
-        at = np.unravel_index(np.nanargmin(away), away.shape)
-        return bool(surface.valid[at] and surface.depth_mm[at] < _DENT_LEFT * self.depth_mm)
 
 
 class Pointers:
@@ -156,32 +142,27 @@ class Pointers:
         return tuple(one.said for one in self._down.values())
 
     def follow(
-        self, contacts: Sequence[ContactFigures], time_ns: int, surface: Surface | None = None
+        self, contacts: Sequence[ContactFigures], time_ns: int, followed: Collection[int] = ()
     ) -> tuple[PointerEvent, ...]:
-        """Events of the next frame that was read. surface: what was read, which says that a dent is gone."""
+        """Events of the next frame that was read. followed: ids of what is not lifted, found in it or not."""
         self._read_ns = time_ns
-        events = []
         here = {one.id: one for one in contacts}
-        self._ended &= here.keys()  # a finger that was cancelled says nothing until it is lifted
-        for number, down in list(self._down.items()):
-            down.missing = 0 if number in here else down.missing + 1
-            gone = down.missing > 0 and surface is not None and down.has_no_dent(surface)
-            if gone or down.missing >= LIFTED_FRAMES:
-                events.append(self._end(number, PointerType.UP, time_ns))
+        self._ended &= {*here, *followed}  # a finger that was cancelled says nothing until it is lifted
+        lifted = [number for number in self._down if number not in here and number not in followed]
+        events = [self._end(number, PointerType.UP, time_ns) for number in lifted]
         for number, contact in here.items():
             if number in self._ended:
                 continue
             if number not in self._down:
                 event = self._event(PointerType.DOWN, contact, time_ns, is_primary=not self._down)
                 event = replace(event, number=next(self._numbers))
-                self._down[number] = _Down(event, contact.depth_mm, contact.area_mm2)
+                self._down[number] = _Down(event, contact.area_mm2)
                 events.append(event)
                 continue
             down = self._down[number]
             piece, down.area_mm2 = contact.area_mm2 < _PIECE * down.area_mm2, contact.area_mm2
             if piece:
                 continue
-            down.depth_mm = contact.depth_mm
             event = self._event(PointerType.MOVE, contact, time_ns, is_primary=down.said.is_primary)
             if _differs(event, down.said):
                 down.said = replace(event, number=next(self._numbers))

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 from zeromethod.arrays import Float, Mask
+from zeromethod.devices.contract import presentation_ns
 from zeromethod.devices.protocols import Display, DisplayLost, DrawingDisplay
 from zeromethod.errors import InputError
 from zeromethod.gl import collect, create_context
@@ -101,7 +102,7 @@ class Drawer:
             with self._context:
                 image = self._renderer().image(q, code, coded, lamp, shift)
             time_ns = self._display.show(image)
-        return round(time_ns)
+        return presentation_ns(time_ns)
 
     def close(self) -> None:
         """Free a GL context of its own; a display's belongs to the display."""

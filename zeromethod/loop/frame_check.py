@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from zeromethod.arrays import Image, Mask
+from zeromethod.devices.contract import wrong_image
 from zeromethod.devices.protocols import Frame
 from zeromethod.loop.events import Event, Notice
 from zeromethod.rig.model import CameraSpec
@@ -186,10 +187,8 @@ class FrameCheck:
 
     def _broken_contract(self, frame: Frame) -> str:
         """Members that no camera may give, in words; "" for none."""
-        image = frame.image
-        if not isinstance(image, np.ndarray) or image.shape != self._shape or image.dtype != self._dtype:
-            found = f"{getattr(image, 'shape', '')} {getattr(image, 'dtype', type(image).__name__)}"
-            return f"the frame is {found}, not {self._shape} {self._dtype}"
+        if wrong := wrong_image(frame.image, self._shape, self._dtype):
+            return wrong
         for name in _NUMBERS:
             if not isinstance(getattr(frame, name), int | float):
                 return f"the frame's {name} is {getattr(frame, name)!r}, not a number"

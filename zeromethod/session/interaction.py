@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 from zeromethod.arrays import Bytes
+from zeromethod.contact import ContactFinder
 from zeromethod.devices.opening import Devices
 from zeromethod.devices.projectors import Projector, open_projectors
 from zeromethod.interactive.pointers import PointerEvent, Pointers, PointerType
@@ -48,10 +49,15 @@ def pointer_rows(events: Iterable[PointerEvent], start_ns: int) -> list[dict[str
 class Interaction:
     """What fingers do, and what is projected; nothing for a rig without a projector."""
 
-    def __init__(self, spec: ProjectorSpec | None = None, projectors: Sequence[Projector] = ()) -> None:
+    def __init__(
+        self,
+        spec: ProjectorSpec | None = None,
+        projectors: Sequence[Projector] = (),
+        finder: ContactFinder | None = None,
+    ) -> None:
         self._projectors, self._named = projectors, ""
-        if spec is not None:
-            self._pointers, self._screen = Pointers(spec), PointerScreen(spec)
+        if spec is not None and finder is not None:
+            self._pointers, self._screen, self._finder = Pointers(spec), PointerScreen(spec), finder
         self._said: deque[tuple[tuple[PointerEvent, ...], tuple[PointerEvent, ...], int]] = deque()
         self.picture: Bytes | None = None
 
@@ -64,7 +70,7 @@ class Interaction:
         elif step.surface is None or step.state in UNSEEN:
             events = self._pointers.unread(step.time_ns)
         else:
-            events = self._pointers.follow(step.touching, step.time_ns, step.surface)
+            events = self._pointers.follow(step.touching, step.time_ns, self._finder.followed)
         self._said.append((events, self._pointers.down, step.time_ns))
         return replace(step, pointers=events)
 
@@ -92,10 +98,13 @@ class Interaction:
 
 
 @contextmanager
-def interaction(rig: Rig, devices: Devices) -> Iterator[Interaction]:
-    """The interaction that a rig asks for. Raises InputError where a projector cannot be opened."""
+def interaction(rig: Rig, devices: Devices, finder: ContactFinder) -> Iterator[Interaction]:
+    """The interaction that a rig asks for. Raises InputError where a projector cannot be opened.
+
+    finder: of the contacts of the steps that it will follow.
+    """
     if rig.projector is None:
         yield Interaction()
         return
     with ExitStack() as stack:
-        yield Interaction(rig.projector, open_projectors(rig.projector, devices.display, stack))
+        yield Interaction(rig.projector, open_projectors(rig.projector, devices.display, stack), finder)

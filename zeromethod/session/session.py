@@ -119,7 +119,7 @@ class Session:
             self._touched: tuple[Contact, ...] = ()
             self._dirt = DirtCorrection(self.loop.q_rest, under_cloth=self.rig.under_cloth)
             self._lamp = Lamp(self._grid) if self.rig.control.lamp and not self.rig.control.passive else None
-            self.interaction = stack.enter_context(interaction(self.rig, opened))
+            self.interaction = stack.enter_context(interaction(self.rig, opened, self._contacts))
             self._publisher = stack.enter_context(publishing(publisher, self._devices.clock))
             self._scenario = script_of(self._devices.camera)
             self._phases = frozenset(one.name for one in (self._scenario.phases if self._scenario else ()))

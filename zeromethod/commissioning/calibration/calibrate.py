@@ -60,7 +60,8 @@ def calibrate(
     patience_s : float
         Longest wait for a press.
     prompts : Prompts, optional
-        Takes progress and what the person at the bench should do; by default nobody is informed.
+        Takes what the person at the bench should do, by `say(words)`, and progress, by `part(words, total)`,
+        a context manager that gives what is called after each step. By default nobody is informed.
 
     Returns
     -------

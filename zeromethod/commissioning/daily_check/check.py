@@ -84,7 +84,8 @@ def check_bench(
     warning : str, optional
         What is wrong with the calibration itself, such as its age.
     prompts : Prompts, optional
-        Takes progress and what the person at the bench should do; by default nobody is informed.
+        Takes what the person at the bench should do, by `say(words)`, and progress, by `part(words, total)`,
+        a context manager that gives what is called after each step. By default nobody is informed.
 
     Returns
     -------
