@@ -89,6 +89,19 @@ def test_pictures_that_came_late_are_found_and_taken_out():
     assert np.abs(found).max() < 8e-4
 
 
+def test_the_codes_of_strips_are_not_taken_for_pictures_that_came_late():
+    steps = to_and_fro(24)
+    images, codes = images_of(steps, planted(), 0.5), np.random.default_rng(4)
+    images[:, :24] = np.repeat(codes.integers(40, 200, (24, 1, 32)), 8, axis=2)
+    with_codes, without = (
+        lateness(images, steps, Design.of(steps), 0.6, SCAN, box)
+        for box in (None, (slice(24, 96), slice(0, 256)))
+    )
+    # as pictures that came late are found to, from three quarters of the rows
+    assert np.abs(without).max() < 7e-5
+    assert np.abs(with_codes).max() > 5e-4
+
+
 def test_a_mirror_that_moves_steadily_is_not_taken_for_pictures_that_came_late():
     steps = to_and_fro(24)
     far = np.zeros((*SHAPE, 2))

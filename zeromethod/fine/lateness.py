@@ -55,19 +55,26 @@ def _products(images: Image, level: float, solution: Single, of_each: Float, of_
 
 
 def lateness(
-    images: Sequence[Image], steps: Sequence[Steps], design: Design, noise_grey: float, scan: Float
+    images: Sequence[Image],
+    steps: Sequence[Steps],
+    design: Design,
+    noise_grey: float,
+    scan: Float,
+    box: tuple[slice, slice] | None = None,
 ) -> Float:
     """(N, rows) seconds by which each frame's pictures came late; 0 where the target did not step.
 
     images: (rows, cols) grey levels of each. design: of these steps as logged. noise_grey: of a pixel. scan:
-    (rows,) places of the image's rows along the panel's columns, in a unit of their own.
+    (rows,) places of the image's rows along the panel's columns, in a unit of their own. box: rows and
+    columns that show the target alone; None for all.
     """
     count, level = len(steps), middle_grey(images)
     # of each frame's lateness, and of that which goes with the place
     normal, right = np.zeros((2, 2, count, count)), np.zeros((2, count))
-    for first in range(0, len(images[0]), BAND_ROWS):
-        rows = slice(first, first + BAND_ROWS)
-        band = np.stack([one[rows] for one in images])
+    down, across = box or (slice(0, len(images[0])), slice(None))
+    for first in range(down.start, down.stop, BAND_ROWS):
+        rows = slice(first, min(first + BAND_ROWS, down.stop))
+        band = np.stack([one[rows, across] for one in images])
         per_late = np.stack([one.per_late_rad[rows] for one in steps], axis=1)
         basis, solution = design.basis[rows], design.solution[rows]
         of_each = np.empty((len(basis), UNKNOWNS, UNKNOWNS))

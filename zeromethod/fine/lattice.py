@@ -12,11 +12,12 @@ from typing import Any, NamedTuple
 import numba
 import numpy as np
 
-from zeromethod.arrays import Float, Ints, Mask, Single
+from zeromethod.arrays import Flags, Float, Ints, Mask, Single
 from zeromethod.rounding import REORDERED
 from zeromethod.sensing.window import triangle
 from zeromethod.warp.grid import PADDING, NodeGrid
 from zeromethod.warp.interpolant import keys_weights
+from zeromethod.warp.validity import Flag
 
 
 class Between(NamedTuple):
@@ -113,6 +114,18 @@ def pixel_box(grid: NodeGrid) -> tuple[slice, slice]:
     """Rows and columns of the camera image between a grid's measurable nodes."""
     v, u = (axis[PADDING:-PADDING] for axis in (grid.v_px, grid.u_px))
     return slice(int(v[0]), int(v[-1]) + 1), slice(int(u[0]), int(u[-1]) + 1)
+
+
+def uncovered_box(grid: NodeGrid, flags: Flags) -> tuple[slice, slice] | None:
+    """Rows and columns of the image between the nodes that no coded strip covers; None where none does."""
+    free = flags[grid.inner] & Flag.OUTSIDE == 0
+    if free.all() or not free.any():
+        return None
+    spans = []
+    for axis, nodes in ((grid.v_px, free.any(axis=1)), (grid.u_px, free.any(axis=0))):
+        among = axis[PADDING:-PADDING][nodes]
+        spans.append(slice(int(among[0]), int(among[-1]) + 1))
+    return spans[0], spans[1]
 
 
 class PixelLattice:

@@ -13,7 +13,7 @@ from zeromethod.fine.footprint import Footprint
 from zeromethod.fine.frames import FineFrame, FrameSequence
 from zeromethod.fine.integrate import PixelIntegrator, gradient, largest_part, sources, step_weights, take_out
 from zeromethod.fine.lateness import lateness
-from zeromethod.fine.lattice import PixelLattice
+from zeromethod.fine.lattice import PixelLattice, uncovered_box
 from zeromethod.fine.nodes import NodeWindows, read_nodes
 from zeromethod.fine.noise import DetailNoise
 from zeromethod.fine.slope import Planes, lever_planes, pixel_slopes
@@ -134,7 +134,9 @@ class FineReader:
         images = [frame.image for frame in frames]
         sequence = FrameSequence.of(frames, self._grid)
         steps = sequence.steps
-        late_s = lateness(images, steps, Design.of(steps), self._noise_grey(images), sequence.scan)
+        # the codes of a strip change from picture to picture, which would pass for lateness
+        box = uncovered_box(self._grid, frames[-1].measured.flags)
+        late_s = lateness(images, steps, Design.of(steps), self._noise_grey(images), sequence.scan, box)
         design = Design.of(steps, late_s)
         pixels = self._demodulated(images, design)
         limits = Limits()
