@@ -10,8 +10,9 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from zeromethod.arrays import Float, Mask
+from zeromethod.arrays import Float, Ints, Mask
 from zeromethod.warp.rest import Rest
+from zeromethod.warp.seams import gap_end
 from zeromethod.warp.validity import Flag
 
 _NODES, _DEGREE = 5, 3
@@ -27,19 +28,16 @@ _AHEAD = np.vander(np.arange(1.0, _FILLED + 1), _DEGREE + 1) @ np.linalg.pinv(
 
 
 @numba.njit(cache=True)
-def _extend(field: Float, known: Mask, seam: Mask, ahead: Float) -> None:
+def _extend(field: Float, known: Mask, seams: Ints, ahead: Float) -> None:
     """Fill in, in place, the first unknown nodes of rows on either side of seams between known ones."""
     cols, (filled, n) = known.shape[1], ahead.shape
     for j in range(known.shape[0]):
         i = 0
         while i < cols:
-            start, at_seam = i, False
-            while i < cols and not known[j, i]:
-                at_seam |= seam[j, i]
-                i += 1
-            end = i
-            i += 1
-            if not at_seam or start < n or end + n > cols or not 2 * filled <= end - start <= _MOST_NODES:
+            start = i
+            end, seam = gap_end(known[j], seams[j], start)
+            i = end + 1
+            if seam == 0 or start < n or end + n > cols or not 2 * filled <= end - start <= _MOST_NODES:
                 continue
             if not (known[j, start - n : start].all() and known[j, end : end + n].all()):
                 continue
@@ -51,21 +49,20 @@ def _extend(field: Float, known: Mask, seam: Mask, ahead: Float) -> None:
                         after += ahead[step, m] * field[j, end + m, k]
                     field[j, start + step, k], field[j, end - 1 - step, k] = before, after
                 known[j, start + step] = known[j, end - 1 - step] = True
-            i = end + n
 
 
 class OwnSide:
     """Seams of a rig's saw, for a displacement that is about to be continued; nothing of a prism."""
 
     def __init__(self, rest: Rest) -> None:
-        self._seam: Mask | None = None
+        self._seams: Ints | None = None
         if rest.seams is not None:
-            self._seam = rest.flags & np.uint16(Flag.SEAM) != 0
+            self._seams = (rest.flags & np.uint16(Flag.SEAM) != 0).astype(np.int64)
 
     def extended(self, field: Float, valid: Mask) -> Mask:
         """Valid nodes and those that were filled into `field` (rows, cols, 2) next to seams."""
-        if self._seam is None:
+        if self._seams is None:
             return valid
         known: Mask = valid.copy()
-        _extend(field, known, self._seam, _AHEAD)
+        _extend(field, known, self._seams, _AHEAD)
         return known

@@ -68,10 +68,9 @@ class Channels:
         counts, shown: what the detectors read, and the levels (256,) that were lit, 1 for full light.
         at_rest: nothing presses. Only then are channels left out: a narrow dent would pass for a fault.
         """
-        saturated = counts > SATURATED * FULL_SCALE
         off = np.abs(found.left) > OUTLIER * max(found.scale, 1.0)
         self._running = np.where(off, self._running + 1, 0)
-        self.read = self.alive & ~saturated
+        self.read = self.alive & (counts <= SATURATED * FULL_SCALE)
         self.used = self.read if self.pressed else self.read & ~off
         self.strange = int(np.count_nonzero(self.read & off))
         if not at_rest:
@@ -103,13 +102,12 @@ class Channels:
         place = (columns > _FOOTPRINT * columns.max(axis=0)).T
         around = place @ np.maximum(left**2 - noise, 0.0)
         explained[(explained < _WHOLE * around) | (share >= _DARK * power)] = 0.0
-        saturated = counts > SATURATED * FULL_SCALE
-        alone = lasting & (saturated | (self._start.reading(counts) < _DEAD))
+        alone = lasting & (~self.read | (self._start.reading(counts) < _DEAD))
         detector, led = int(np.argmax(np.abs(left) * alone)), int(np.argmax(explained))
         if explained[led] > (left[detector] ** 2 if alone[detector] else 0.0):
             return self._leave_out(led, "dead", led=True)
         if alone[detector]:
-            return self._leave_out(detector, "saturated" if saturated[detector] else "dead", led=False)
+            return self._leave_out(detector, "dead" if self.read[detector] else "saturated", led=False)
         return []
 
     def _drifting(self) -> list[str]:

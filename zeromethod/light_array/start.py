@@ -109,10 +109,10 @@ def measure_start(rig: LightArrayRig, model: Model, exchange: Exchange) -> Start
     pattern = _mean(exchange, levels, _REST_FRAMES)
     saturated = np.maximum(dark, pattern) > SATURATED
     detector[saturated] = 0.0
-    faults = {f"{kind} {k}": _UNSEEN[kind] for kind in unseen for k in np.flatnonzero(unseen[kind])}
+    gains = {"LED": led, "detector": detector}
+    faults = {f"{kind} {k}": "dead" for kind, gain in gains.items() for k in np.flatnonzero(gain == 0)}
+    faults |= {f"{kind} {k}": _UNSEEN[kind] for kind in unseen for k in np.flatnonzero(unseen[kind])}
     faults |= {f"detector {k}": "saturated" for k in np.flatnonzero(saturated)}
-    for kind, gain in (("detector", detector), ("LED", led)):
-        faults = {f"{kind} {k}": "dead" for k in np.flatnonzero(gain == 0)} | faults
     if min(np.mean(led > 0), np.mean(detector > 0)) < _FEWEST_ALIVE:
         raise MeasurementError("the arrays: more than half of the LEDs or detectors are dead, or not in view")
     detector = np.where(detector > 0, detector, np.inf)

@@ -16,7 +16,7 @@ from zeromethod.arrays import Flags, Float, Ints, Mask
 from zeromethod.sensing.residual import Residual
 from zeromethod.warp.compose import compose
 from zeromethod.warp.rest import Rest
-from zeromethod.warp.seams import SeamMap
+from zeromethod.warp.seams import SeamMap, gap_end
 from zeromethod.warp.validity import Flag
 
 _MOST_NODES = 24
@@ -31,16 +31,6 @@ _SAME = 0.1
 _ORDERS = 8
 """Largest number of periods that is looked for."""
 _UNKNOWN = _ORDERS + 1
-
-
-@numba.njit(cache=True)
-def _gap_end(valid: Mask, seams: Ints, first: int) -> tuple[int, int]:
-    """Column of one row at which nodes without a value, from `first` on, end; the seam among them, or 0."""
-    end, seam = first, 0
-    while end < len(valid) and not valid[end]:
-        seam = max(seam, seams[end])
-        end += 1
-    return end, seam
 
 
 @numba.njit(cache=True)
@@ -67,7 +57,7 @@ def _votes(slope: Float, x: Float, valid: Mask, seams: Ints, votes: Ints) -> Non
     for j in range(valid.shape[0]):
         i = 0
         while i < valid.shape[1]:
-            end, seam = _gap_end(valid[j], seams[j], i)
+            end, seam = gap_end(valid[j], seams[j], i)
             if seam > 0:
                 off, bent = _off_line(slope[j], x[j], valid[j], i, end)
                 order = np.rint(off)
@@ -82,7 +72,7 @@ def _join(slope: Float, x: Float, valid: Mask, seams: Ints, orders: Ints, out: M
     for j in range(valid.shape[0]):
         i = 0
         while i < valid.shape[1]:
-            end, seam = _gap_end(valid[j], seams[j], i)
+            end, seam = gap_end(valid[j], seams[j], i)
             if seam > 0 and orders[seam] == 0:
                 out[j, i:end] = abs(_off_line(slope[j], x[j], valid[j], i, end)[0]) < 0.5
             i = end + 1

@@ -41,12 +41,17 @@ class RunRecording:
     @property
     def running(self) -> bool:
         """Whether steps are being recorded."""
-        return self._recorder is not None and self._last_step is None
+        return self._running is not None
 
     @property
     def path(self) -> Path | None:
         """File that is being recorded; None for none."""
-        return self._recorder.path if self._recorder is not None and self.running else None
+        return None if self._running is None else self._running.path
+
+    @property
+    def _running(self) -> Recorder | None:
+        """The recorder, unless it is to stop."""
+        return self._recorder if self._last_step is None else None
 
     @property
     def words(self) -> str:
@@ -79,8 +84,8 @@ class RunRecording:
 
         Raises InputError where nothing is recorded.
         """
-        recorder = self._recorder
-        if recorder is None or not self.running:
+        recorder = self._running
+        if recorder is None:
             raise InputError("stop_recording: nothing is being recorded")
         self._last_step = last_step = threading.Event()
 

@@ -6,9 +6,10 @@ than on the other, and a band of the mirror between is not seen at all.
 
 from __future__ import annotations
 
+import numba
 import numpy as np
 
-from zeromethod.arrays import Float, Mask
+from zeromethod.arrays import Float, Ints, Mask
 from zeromethod.optics import Lost, Optics
 from zeromethod.optics.bench import sensitivity_of_rays
 from zeromethod.optics.saw_rays import seams
@@ -20,6 +21,16 @@ _FAR_PX = 1e9
 _LET_IN_PX = 6.0
 """How much further a seam that moved may come into the window: about a twentieth of its weight, and noise
 at rest moves none."""
+
+
+@numba.njit(cache=True)
+def gap_end(valid: Mask, seams: Ints, first: int) -> tuple[int, int]:
+    """Column of one row at which nodes without a value, from `first` on, end; the seam among them, or 0."""
+    end, seam = first, 0
+    while end < len(valid) and not valid[end]:
+        seam = max(seam, seams[end])
+        end += 1
+    return end, seam
 
 
 class SeamMap:
