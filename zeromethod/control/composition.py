@@ -131,6 +131,8 @@ class Composition:
     the picture then stays the same until one exposure contains it alone, so that measurements resume.
     """
 
+    keeps_pictures = True
+
     def __init__(self, rest: Rest, gain: float = 1.0) -> None:
         shape = rest.q.shape
         self._rest = rest

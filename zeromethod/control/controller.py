@@ -15,7 +15,13 @@ from zeromethod.warp.warp import Warp
 
 
 class Controller(Protocol):
-    """A controller: turns measured warps into the commanded one."""
+    """A controller: turns measured warps into the commanded one.
+
+    keeps_pictures: whether others may be shown in place of its picture for some frames: the command stays as
+    it is where `update` is not called. Without, there is neither order check nor coded pictures.
+    """
+
+    keeps_pictures: bool
 
     @property
     def commanded(self) -> Float:

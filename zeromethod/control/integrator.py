@@ -23,6 +23,8 @@ class Integrator:
     leak / gain of its depth. The composition controller is compared against it.
     """
 
+    keeps_pictures = False
+
     def __init__(self, rest: Rest, gain: float = 0.3, leak: float = 0.01) -> None:
         self._rest = rest
         self._gain = gain

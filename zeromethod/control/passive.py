@@ -10,6 +10,8 @@ from zeromethod.control.composition import Composition
 class Passive(Composition):
     """Follows the mirror as the composition controller does, and commands the warp at rest for ever."""
 
+    keeps_pictures = False
+
     def update(self, *given: Any, **more: Any) -> bool:
         """As `Composition.update`; the command stays the same array."""
         at_rest = self.commanded

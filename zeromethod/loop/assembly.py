@@ -78,7 +78,8 @@ def make_circle(
         black_grey = rig.camera.noise.black_grey
         blur = PanelBlur(rig, rest.grid)
         expected = light if light.needed else None
-        order, coded = order_check(rig, rest), burst(rig, rest)
+        keeps = controller.keeps_pictures
+        order, coded = (order_check(rig, rest), burst(rig, rest)) if keeps else (None, None)
         saw = rest.seams is not None
         unsteady = UnsteadyNodes(rest.grid.shape, at_rest=saw) if rig.target.step or saw else None
         return Circle(rest, exposures, sensor, controller, black_grey, expected, blur, order, coded, unsteady)
@@ -90,11 +91,10 @@ def make_circle(
 def order_check(rig: Rig, rest: Rest) -> OrderCheck | None:
     """Make what finds the carrier's order; None where none is looked for.
 
-    Noise has none, the integrator's pictures never stay, and a bench that was not calibrated has no rest that
-    orders count from.
+    Noise has none, and a bench that was not calibrated has no rest that orders count from.
     """
     kind = rig.target.kind
-    if kind == "noise" or rig.control.controller != "composition" or rig.geometry.relative:
+    if kind == "noise" or rig.geometry.relative:
         return None
     return OrderCheck(rest, diagonal=kind == "checker")
 
@@ -103,7 +103,7 @@ def burst(rig: Rig, rest: Rest) -> Burst | None:
     """Make what reads the warp where no picture can null; None where the rig wants none."""
     # what rubs moves on before the coded pictures have been shown
     rubs = rig.control.rubbing and rig.control.burst == "when-needed"
-    if rubs or rig.control.burst == "never" or rig.control.controller != "composition":
+    if rubs or rig.control.burst == "never":
         return None
     return Burst(rest, rig.camera.noise.black_grey, always=rig.control.burst == "always")
 
