@@ -1,19 +1,23 @@
 """A brush on the simulated bench, seen through the loop: share, pitch, speed, stick and slip, force."""
 
 import csv
-from dataclasses import asdict
+from dataclasses import asdict, fields
 
 import numpy as np
 import pytest
 
 from zeromethod import Recording, Session, export_recording, load_rig
+from zeromethod.loop.step import Step
 from zeromethod.rubbing import ContactStatus, Motion
+from zeromethod.session.reading import with_reading
 from zeromethod.view.report_summary import summarise_recording
 
 VIEW = {"camera.columns": 480, "camera.rows": 384, "camera.centre_px": [239.5, 191.5]}
 """The packaged bench's pixels, fewer of them."""
 SPEED_MM_S, FORCE_N, PITCH_MM = 12.0, 0.5, 0.8
 HELD_S, SLIP_S, STICK_S, END_S = 0.3, 0.46, 0.66, 0.74
+FILLED: set[str] = set()
+"""Names of all that reading filled in of a step."""
 PRESS = f"""
 [[object]]
 shape = "texture"
@@ -39,11 +43,27 @@ def run(tmp_path_factory):
     (folder / "press.toml").write_text(PRESS)
     values = {**VIEW, "camera.exposure_s": 0.001, "control.rubbing": True}
     rig = load_rig("simulated").replace(values, scenario=str(folder / "press.toml"))
-    with Session(rig, record=folder / "run.h5") as session:
+    read_step, figures = Session._read, fields(Step)
+
+    def read(self, step):
+        after = read_step(self, step)
+        FILLED.update(one.name for one in figures if getattr(after, one.name) is not getattr(step, one.name))
+        return after
+
+    with pytest.MonkeyPatch.context() as patch, Session(rig, record=folder / "run.h5") as session:
+        patch.setattr(Session, "_read", read)
         steps = list(session.run(seconds=END_S))
         figures = session.figures
     with Recording(folder / "run.h5") as recording:
         yield steps, figures, recording
+
+
+def test_all_that_is_read_reaches_the_later_step_at_which_it_is_ready(run):
+    held = next(one for one in run[0][::-1] if one.contact_status is not None)
+    late = with_reading(run[0][0], held)
+    assert {"surface", "contact_status", "total_force_n"} <= FILLED
+    assert [name for name in FILLED if getattr(late, name) is not getattr(held, name)] == []
+    assert late.number == run[0][0].number
 
 
 def statuses(run, from_s, to_s):

@@ -7,15 +7,36 @@ from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import replace
 from operator import or_
+from typing import TypedDict
 
 import numpy as np
 
+from zeromethod.contact import Contact, ContactFigures
 from zeromethod.loop.step import Step
+from zeromethod.rubbing import ContactStatus
 from zeromethod.session.outputs import StepPublisher
 from zeromethod.surface import Peak, Surface
+from zeromethod.surface.comparison import Comparison
 from zeromethod.warp.rest import Rest
 from zeromethod.warp.warp import Warp
 from zeromethod.worker import SameThread, Worker
+
+
+class Read(TypedDict, total=False):
+    """What reading fills in of a step; all of it goes on to the step at which it is ready."""
+
+    surface: Surface
+    peak: Peak
+    contacts: tuple[Contact, ...]
+    touching: tuple[ContactFigures, ...]
+    total_force_n: float
+    sigma_total_force_n: float
+    contact_status: ContactStatus | None
+    truth: Comparison
+    untouched_rms_nm: tuple[float, float]
+    read_ms: float
+    latency_ms: float
+
 
 CLOSING_S = 0.3
 """How long after the end of a run steps that wait are still read, and how long it waits for the last one."""
@@ -125,17 +146,7 @@ def with_reading(step: Step, read: Step | None) -> Step:
         return step
     if read.number == step.number:
         return replace(read, notes=step.notes, pointers=step.pointers)
-    return replace(
-        step,
-        surface=read.surface,
-        contacts=read.contacts,
-        touching=read.touching,
-        total_force_n=read.total_force_n,
-        sigma_total_force_n=read.sigma_total_force_n,
-        peak=read.peak,
-        read_ms=read.read_ms,
-        latency_ms=read.latency_ms,
-    )
+    return replace(step, **{name: getattr(read, name) for name in Read.__annotations__})
 
 
 def rms_nm(surface: Surface) -> float:

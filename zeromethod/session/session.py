@@ -33,7 +33,7 @@ from zeromethod.session.dirt import DirtCorrection
 from zeromethod.session.fine import FineReadings, with_moving_target
 from zeromethod.session.interaction import interaction
 from zeromethod.session.outputs import Record, StepPublisher, publishing
-from zeromethod.session.reading import StepReader, rms_nm, warm_up_warp, with_reading
+from zeromethod.session.reading import Read, StepReader, rms_nm, warm_up_warp, with_reading
 from zeromethod.session.result import RunResult
 from zeromethod.session.run_recording import RunRecording
 from zeromethod.session.summary import Figures, summarise
@@ -298,14 +298,15 @@ class Session:
         contacts = self._touching(step, surface)
         contacts, total = self._forces.read(surface, contacts, self._contacts.unnamed)
         surface, deepest, contacts = self._contacts.carry(surface, deepest, contacts, self._forces.fit)
+        read = Read(surface=surface, peak=deepest, read_ms=read_ms)
         if step.image is not None and step.residual is not None and Event.BURST not in step.events:
             contacts = self._contacts.with_images(step.image, step.residual, surface, contacts)
             if self._rubbing is not None:
                 status = self._rubbing.follow(contacts, step.time_ns, step.exposure_ns)
-                step = replace(step, contact_status=status)
+                read["contact_status"] = status
         if self._lamp is not None:
             self.loop.light(self._lamp.follow(contacts))
-        read: dict[str, Any] = {"contacts": contacts, "touching": tuple(one.figures for one in contacts)}
+        read |= {"contacts": contacts, "touching": tuple(one.figures for one in contacts)}
         read |= {"total_force_n": total.force_n, "sigma_total_force_n": total.sigma_n}
         if self._truth is not None and step.phase == "untouched":
             # the filter's noise, once it has settled: making its reader takes as long as 20 frames
@@ -314,7 +315,7 @@ class Session:
                 read["untouched_rms_nm"] = (rms_nm(surface), rms_nm(filtered))
         elif self._truth is not None and (self._scenario is None or step.phase in COMPARED_PHASES):
             read["truth"] = compare(surface, self._truth(step.time_ns), self._optics, self._grid, deepest)
-        return replace(step, surface=surface, peak=deepest, read_ms=read_ms, **read)
+        return replace(step, **read)
 
     def _touching(self, step: Step, surface: Surface) -> tuple[Contact, ...]:
         """What touches in a step."""
