@@ -10,7 +10,7 @@ import pytest
 from planted_dents import DENTS, LINE, NOISE, RADIUS_MM, outwards, overlapping, rig, round_contact
 
 from zeromethod.arrays import Float
-from zeromethod.contact import Contact, ForceReader
+from zeromethod.contact import Contact, ContactFinder, ForceReader
 from zeromethod.contact.deepest import deepest_of_all
 from zeromethod.contact.inside import carried_inside
 from zeromethod.contact.load_fields import load_fields
@@ -184,3 +184,30 @@ def test_a_deep_pad_beside_a_ball_leaves_it_unknown_and_a_shallow_one_does_not(
         assert (inside is not None) == known
         # 1.5 of its sigma: the pad's slopes add to what is open of the pressure's shape
         assert not known or abs(contact.depth_mm - 0.02) < 1.5 * contact.sigma_depth_mm
+
+
+def test_nothing_is_beside_a_contact_where_nodes_never_had_light() -> None:
+    pressed_at, _, _ = pressed(("ball", 0.02, 0.0))
+    deepest = peak(pressed_at)
+    finder = ContactFinder.__new__(ContactFinder)
+    finder._lit = np.zeros(pressed_at.valid.shape, bool)
+    found, summit, _ = finder.carry(pressed_at, deepest, (), None)
+    assert summit.where is Where.MEASURED
+    assert not found.contact.any()
+    finder.carry(replace(pressed_at, valid=pressed_at.on_mirror), deepest, (), None)
+    found, summit, _ = finder.carry(pressed_at, deepest, (), None)
+    assert summit.where is Where.BESIDE
+    assert (found.contact == pressed_at.contact).all()
+
+
+@pytest.mark.parametrize("flank_deg", [5.0, 20.0, 45.0])
+def test_a_peak_beside_a_hole_says_how_deep_a_tip_in_it_may_go(flank_deg: float) -> None:
+    """The hole is three times as wide as what touches; its size alone is known, and how steep it is around."""
+    tip_mm = np.pi / 2 * RADIUS_MM * np.tan(np.radians(flank_deg))
+    surface, _, true = pressed(("cone", tip_mm, 0.0), holes_mm=2.0)
+    found = deepest_of_all(surface, peak(surface), ())
+    assert found.where is Where.BESIDE
+    assert true.max() > 4 * found.depth_mm
+    assert abs(true.max() - found.depth_mm) < 3 * found.sigma_mm
+    # all flanks up to 45 degrees are as likely: at 5 degrees it says 2.4 times what is true
+    assert found.sigma_mm < 4 * true.max()

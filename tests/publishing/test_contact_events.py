@@ -1,5 +1,8 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from planted_contact import planted
 
 from zeromethod.publishing import ContactEvent, ContactWatch
 
@@ -72,8 +75,16 @@ def test_a_speck_is_no_touch():
     assert not watched([0.0] * 5, watch, dark=np.s_[10:12, 20:24])
 
 
-def test_what_was_dark_from_the_start_is_no_touch():
-    assert not watched([0.0] * 10, dark=np.s_[2:10, 2:10])
+def test_what_is_in_contact_touches_from_when_it_was_first_seen_until_it_is_gone():
+    watch, contact = ContactWatch(), replace(planted(lambda x, _: x), age_s=4e-9)
+    assert not watched([0.0] * 5, watch)
+    began = watch.update(*dent(0.0, 5), [contact])
+    assert (began.kind, began.time_ns, began.x_mm) == ("began", 1, contact.x_mm)
+    for time_ns in range(6, 20):
+        assert watch.update(*dent(0.0, time_ns), [contact]) is None
+        assert watch.touching
+    (ended,) = watched([0.0] * 3, watch)
+    assert ended.kind == "ended"
 
 
 def test_a_touch_found_by_light_alone_gets_its_depth_once_it_has_one():
@@ -90,8 +101,3 @@ def test_the_second_touch_does_not_remember_the_first():
     *_, ended = watched([0.2] * 3 + lift + press + lift)
     assert ended.number == 4
     assert ended.depth_mm == pytest.approx(0.05, rel=1e-4)
-
-
-def test_a_reading_without_a_single_node_is_no_touch():
-    everything = np.s_[:, :]
-    assert not watched([0.1] * 5, dark=everything)

@@ -12,6 +12,7 @@ import numpy as np
 from zeromethod.arrays import Mask
 from zeromethod.contact.contact import Contact
 from zeromethod.surface import Peak, Surface, Where
+from zeromethod.surface.holes import tip_in_holes_mm
 
 _BESIDE = np.ones((5, 5), np.uint8)
 """A peak within two nodes of a contact's hole stands beside it."""
@@ -26,7 +27,8 @@ def _deepest(inside: Surface, nodes: Mask) -> tuple[int, int]:
 def deepest_of_all(surface: Surface, measured: Peak, contacts: Sequence[Contact]) -> Peak:
     """The peak, inside a contact where that goes deeper than what was measured.
 
-    Its place is known as well as the bottom is flat: the spread of all nodes about as deep.
+    Its place is known as well as the bottom is flat: the spread of all nodes about as deep. Beside a hole that
+    went dark, in which no contact could be outlined, sigma has what a tip may reach there.
     """
     inside = surface.inside
     if inside is not None:
@@ -50,5 +52,13 @@ def deepest_of_all(surface: Surface, measured: Peak, contacts: Sequence[Contact]
     if not np.isfinite(away).any():
         return measured
     node = np.unravel_index(int(np.nanargmin(away)), away.shape)
-    beside = cv2.dilate(hole.astype(np.uint8), _BESIDE)[node] > 0
-    return replace(measured, where=Where.BESIDE) if beside else measured
+    near = np.zeros(hole.shape, np.uint8)
+    near[node] = 1
+    beside = hole & (cv2.dilate(near, _BESIDE) > 0)
+    if not beside.any():
+        return measured
+    tip_mm = 0.0
+    if inside is None and surface.cut_off is None and not contacts:
+        tip_mm = tip_in_holes_mm(surface, beside, measured.depth_mm)
+    sigma_mm, deeper_mm = (math.hypot(one, tip_mm) for one in (measured.sigma_mm, measured.deeper_mm))
+    return replace(measured, where=Where.BESIDE, sigma_mm=sigma_mm, deeper_mm=deeper_mm)

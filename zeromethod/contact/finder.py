@@ -63,6 +63,7 @@ class ContactFinder:
         self._track = ContactTrack()
         self.unnamed: tuple[Contact, ...] = ()
         """Of the last frame: contacts that press, but were not seen in a second one yet."""
+        self._lit = np.zeros(grid.shape, bool)
         self._grid, self._black = grid, rig.camera.noise.black_grey
         for module in (flat, outline, in_mm, shadow):
             module.compile_ahead()
@@ -120,6 +121,9 @@ class ContactFinder:
     ) -> tuple[Surface, Peak, tuple[Contact, ...]]:
         """Surface, peak and contacts with the depth inside contacts, as far as it can be known.
 
+        Nodes that were never read have lost no light, as next to where the view ends: `Surface.contact` is
+        without them.
+
         Parameters
         ----------
         surface, deepest : Surface, Peak
@@ -134,10 +138,11 @@ class ContactFinder:
         Surface, Peak, tuple of Contact
             The surface with `inside`, the deepest point of all of it, contacts with `depth_mm`.
         """
-        if not contacts:
-            return surface, deepest_of_all(surface, deepest, contacts), contacts
-        inside, contacts = carried_inside(surface, contacts, self._places, fit)
-        surface = replace(surface, inside=inside)
+        self._lit |= surface.valid
+        inside = None
+        if contacts:
+            inside, contacts = carried_inside(surface, contacts, self._places, fit)
+        surface = replace(surface, inside=inside, contact=surface.contact & self._lit)
         return surface, deepest_of_all(surface, deepest, contacts), contacts
 
     def with_images(

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
 
-from zeromethod.arrays import Mask
+from zeromethod.contact import Contact
 from zeromethod.surface import Peak, Surface
 
 TOUCH_SIGMAS = 5.0
@@ -53,9 +54,10 @@ class _Place(NamedTuple):
 class ContactWatch:
     """Follows one touch, the deepest.
 
-    A reading shows a touch when its deepest point is at least max(5 sigma, 1 um) deep, or at least nine nodes
-    that were read before have lost their light. Three consecutive such readings begin it, three below 0.8 of
-    both limits end it. Frames that were not read count for neither; a bulge is no touch.
+    What is in contact touches, from the reading that names it; what only presses touches, too: a reading
+    shows a touch when its deepest point is at least max(5 sigma, 1 um) deep, or at least nine nodes have lost
+    their light. Three consecutive such readings begin it; three below 0.8 of both limits, without a contact,
+    end it. Frames that were not read count for neither; a bulge is no touch.
     """
 
     def __init__(self) -> None:
@@ -64,25 +66,26 @@ class ContactWatch:
         self._consecutive = 0
         self._since_ns = 0
         self._deepest: _Place | None = None
-        self._lit: Mask | None = None
 
     @property
     def touching(self) -> bool:
         """Whether a touch has begun and not ended."""
         return self._touching
 
-    def update(self, surface: Surface, deepest: Peak) -> ContactEvent | None:
-        """Take the next reading and its peak; the event that it confirms, if any."""
-        place = self._touched(surface, deepest)
+    def update(
+        self, surface: Surface, deepest: Peak, contacts: Sequence[Contact] = ()
+    ) -> ContactEvent | None:
+        """Take the next reading, its peak and its contacts; the event that it confirms, if any."""
+        place = self._touched(surface, deepest, contacts)
         if place is not None:
             self._follow(place)
         if (place is not None) == self._touching:
             self._consecutive = 0
             return None
         if self._consecutive == 0:
-            self._since_ns = surface.time_ns
+            self._since_ns = surface.time_ns - round(1e9 * max((one.age_s for one in contacts), default=0.0))
         self._consecutive += 1
-        if self._consecutive < TOUCH_FRAMES:
+        if self._consecutive < TOUCH_FRAMES and not contacts:
             return None
         self._consecutive = 0
         self._touching = place is not None
@@ -92,15 +95,15 @@ class ContactWatch:
         kind: Literal["began", "ended"] = "began" if self._touching else "ended"
         return ContactEvent(self._number, kind, self._since_ns, *at)
 
-    def _touched(self, surface: Surface, deepest: Peak) -> _Place | None:
+    def _touched(self, surface: Surface, deepest: Peak, contacts: Sequence[Contact]) -> _Place | None:
         """Where a reading shows a touch, None where it shows none."""
         share = _RELEASE if self._touching else 1.0
-        # Some nodes may be dark at rest: only lit ones can lose their light.
-        self._lit = surface.valid if self._lit is None else self._lit | surface.valid
-        dark = surface.contact & self._lit & surface.on_mirror
         # Comparisons with NaN, where nothing was read, are False.
         if deepest.depth_mm >= share * max(TOUCH_SIGMAS * deepest.sigma_local_mm, TOUCH_MM):
             return _Place(deepest.x_mm, deepest.y_mm, deepest.depth_mm)
+        if contacts:
+            return _Place(contacts[0].x_mm, contacts[0].y_mm, float("nan"))
+        dark = surface.contact & surface.on_mirror
         if np.count_nonzero(dark) < share * TOUCH_NODES:
             return None
         return _Place(float(surface.x_mm[dark].mean()), float(surface.y_mm[dark].mean()), float("nan"))

@@ -77,7 +77,7 @@ class Publisher(AbstractContextManager["Publisher"]):
     def publish(self, step: Step) -> None:
         """Send one step of the loop, with its surface and peak where it was read. Never waits."""
         if step.surface is not None and step.peak is not None:
-            event = self._watch.update(step.surface, step.peak)
+            event = self._watch.update(step.surface, step.peak, step.contacts)
             if event is not None:
                 self._contacts.append(event)
         self._pointers.extend(step.pointers)
