@@ -202,7 +202,7 @@ def test_nothing_is_beside_a_contact_where_nodes_never_had_light() -> None:
 
 @pytest.mark.parametrize("flank_deg", [5.0, 20.0, 45.0])
 def test_a_peak_beside_a_hole_says_how_deep_a_tip_in_it_may_go(flank_deg: float) -> None:
-    """The hole is three times as wide as what touches; its size alone is known, and how steep it is around."""
+    """The hole is three times as wide as what touches; known are its size and how steep it is around."""
     tip_mm = np.pi / 2 * RADIUS_MM * np.tan(np.radians(flank_deg))
     surface, _, true = pressed(("cone", tip_mm, 0.0), holes_mm=2.0)
     found = deepest_of_all(surface, peak(surface), ())

@@ -27,8 +27,8 @@ def _deepest(inside: Surface, nodes: Mask) -> tuple[int, int]:
 def deepest_of_all(surface: Surface, measured: Peak, contacts: Sequence[Contact]) -> Peak:
     """The peak, inside a contact where that goes deeper than what was measured.
 
-    Its place is known as well as the bottom is flat: the spread of all nodes about as deep. Beside a hole that
-    went dark, in which no contact could be outlined, sigma has what a tip may reach there.
+    Its place is known as well as the bottom is flat: the spread of all nodes about as deep. Beside a hole
+    that went dark, in which no contact could be outlined, sigma has what a tip may reach there.
     """
     inside = surface.inside
     if inside is not None:

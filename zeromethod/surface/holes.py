@@ -63,7 +63,7 @@ def deeper_inside_mm(surface: Surface, measured: Mask, fitted: Mask, depth_mm: f
 def tip_in_holes_mm(surface: Surface, dark: Mask, depth_mm: float) -> float:
     """Standard deviation of how much deeper a tip may go in the holes of dark nodes (rows, cols), mm.
 
-    From afar, a cone of flank f that is pressed in by d makes the slope s = d a / (pi r^2), and touches within
+    From afar, a cone of flank f that is pressed in by d makes the slope s = d a / (pi r^2), and touches up to
     a = 2 d / (pi tan f) (Sneddon 1965, doi:10.1016/0020-7225(65)90019-4): d = pi r sqrt(s tan f / 2). This is
     its rms over all tan f up to 1, where linear elasticity ends. depth_mm: beside the holes; its sign counts.
     """
