@@ -54,12 +54,25 @@ def hole(shape):
     return np.hypot(row - shape[0] / 3, col - shape[1] / 2) > shape[0] / 8
 
 
+def part(rows, cols):
+    """Few nodes of a lattice, as where most of the view is dark."""
+
+    def island(shape):
+        out = np.zeros(shape, bool)
+        out[3 : 3 + rows, 2 : 2 + cols] = True
+        return out
+
+    return island
+
+
 MASKS = {
     "whole": lambda shape: np.ones(shape, bool),
     "salted": lambda shape: largest_island(np.random.default_rng(1).random(shape) > 0.25),
     "comb": comb,
     "ring": ring,
     "hole": hole,
+    "square": part(6, 6),
+    "line": part(1, 18),
 }
 SHAPES = (17, 22), (24, 25)
 SMALL = [("whole", shape) for shape in ((2, 2), (2, 31), (31, 3))]

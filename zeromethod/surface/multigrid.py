@@ -27,7 +27,7 @@ _NULL = 1e-7
 _STEPS = 0.562, 1.389
 """Lengths of the two damped steps that smooth: Chebyshev's, for eigenvalues of 0.5 to 2 over the diagonal."""
 _ROUNDING = 1e-14
-"""Diagonal over the largest up to which a node has no edges but what rounding left: it is an island."""
+"""Diagonal over the finest lattice's largest up to which a node has no edges but what rounding left."""
 EXACT = 1e-11
 """Share of the error that is left by default."""
 _MOST_CYCLES = 300
@@ -210,10 +210,18 @@ def _flat(parts: list[Float], places: NDArray[np.intp]) -> NDArray[np.float32]:
     return out
 
 
-def _inverse(diagonal: Float) -> Float:
-    """1 / diagonal; 0 of a node without edges."""
-    held = diagonal > _ROUNDING * diagonal.max()
-    return np.divide(1.0, diagonal, out=np.zeros_like(diagonal), where=held)
+def _inverse(edges: Float) -> Float:
+    """1 / diagonal; 0 of a node without edges.
+
+    Edges of the wrong sign, which thin parts of an island get on coarse lattices, are added to the diagonal:
+    else eigenvalues exceed 2, and the steps that should smooth grow (A. H. Baker et al., Multigrid smoothers
+    for ultraparallel computing, SIAM J. Sci. Comput. 33 (2011) 2864, doi:10.1137/100798806).
+    """
+    diagonal = edges[0].copy()
+    for plane_, (down, right) in enumerate(((0, 1), (1, 0), (1, 1), (1, -1)), 1):
+        wrong = np.maximum(-edges[plane_], 0.0)
+        diagonal += wrong + np.roll(wrong, (down, right), (0, 1))
+    return np.divide(1.0, diagonal, out=np.zeros_like(diagonal), where=diagonal > 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -247,11 +255,13 @@ class LatticeSolution:
             p, coarser = (np.zeros((planes, rows + 2, cols + 2)) for planes in (8, 5))
             interpolation(lattices[-1], p)
             coarse(lattices[-1], p, coarser)
+            # an island within one coarse node has no edge to others: what is left would be inverted, too
+            coarser[:, coarser[0] <= _ROUNDING * matrix[0].max()] = 0.0
             lattices.append(coarser)
             between.append(p)
         sizes = [one.shape[1:] for one in lattices]
         before = np.cumsum([0, *(m * n for m, n in sizes)])
-        inverse = [_inverse(a[0]) for a in lattices]
+        inverse = [_inverse(a) for a in lattices]
         return cls(
             np.array([(*one, at) for one, at in zip(sizes, before[:-1], strict=True)]),
             matrix,
