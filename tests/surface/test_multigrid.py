@@ -115,3 +115,9 @@ def test_islands_that_rounding_alone_ties_together_are_solved_in_any_unit():
     found = LatticeSolution.of(across, down).solve(force)
     # as in the other tests: a share of 1e-11 in energy
     np.testing.assert_allclose(product(across, down, found), force, atol=1e-8 * np.abs(force).max())
+
+
+def test_what_is_not_solved_is_not_returned():
+    depth = np.random.default_rng(0).standard_normal((17, 22))
+    across, down = edges(np.ones((17, 22), bool))
+    assert np.isnan(LatticeSolution.of(across, down).solve(product(across, down, depth), most_cycles=1)).all()

@@ -170,7 +170,7 @@ def _gradients(
     most_cycles: int,
     out: Any,
 ) -> None:
-    """Conjugate gradients, added to `out`, until what is left is less than `share`."""
+    """Conjugate gradients, added to `out`, until less than `share` is left; NaN where more stays."""
     b, x, r = np.zeros_like(inverse), np.zeros_like(inverse), np.zeros_like(inverse)
     shape, count = rhs.shape, rhs.size
     left, along, bent, none = rhs.copy(), np.zeros(shape), np.zeros(shape), np.zeros(shape)
@@ -184,10 +184,10 @@ def _gradients(
         before, energy = energy, _dot(flat_left, x)
         if cycle == 0:
             first = energy
-        if np.isnan(energy):
-            flat_out[:] = np.nan
         if not energy > share * share * first:
-            return
+            if energy >= -share * share * first:
+                return
+            break
         turn = energy / before if cycle else 0.0
         # what is left once this step is taken, if it helps as much as the one before
         last = cycle > 0 and energy * turn < share * share * first
@@ -200,6 +200,7 @@ def _gradients(
             flat_left[k] += length * flat_bent[k]
         if last:
             return
+    flat_out[:] = np.nan
 
 
 def _flat(parts: list[Float], places: NDArray[np.intp]) -> NDArray[np.float32]:
@@ -274,8 +275,8 @@ class LatticeSolution:
     def solve(self, rhs: Float, share: float = EXACT, most_cycles: int = _MOST_CYCLES) -> Float:
         """D (..., rows, cols), up to a constant, for right-hand sides b (..., rows, cols) that add up to 0.
 
-        share: of the energy's root that may be left. most_cycles: after which it may be more; even a comb
-        of single nodes takes fewer.
+        share: of the energy's root that may be left. most_cycles: even a comb of single nodes takes fewer.
+        NaN everywhere if more is left after these.
         """
         shape = self.matrix.shape[1:]
         given, found = np.zeros(shape), np.zeros(shape)
