@@ -218,10 +218,10 @@ def _inverse(edges: Float) -> Float:
     else eigenvalues exceed 2, and the steps that should smooth grow (A. H. Baker et al., Multigrid smoothers
     for ultraparallel computing, SIAM J. Sci. Comput. 33 (2011) 2864, doi:10.1137/100798806).
     """
-    diagonal = edges[0].copy()
-    for plane_, (down, right) in enumerate(((0, 1), (1, 0), (1, 1), (1, -1)), 1):
-        wrong = np.maximum(-edges[plane_], 0.0)
-        diagonal += wrong + np.roll(wrong, (down, right), (0, 1))
+    diagonal: Float = edges[0].copy()
+    for one, way in zip(edges[1:], ((0, 1), (1, 0), (1, 1), (1, -1)), strict=True):
+        wrong = np.maximum(-one, 0.0)
+        diagonal += wrong + np.roll(wrong, way, (0, 1))
     return np.divide(1.0, diagonal, out=np.zeros_like(diagonal), where=diagonal > 0.0)
 
 
