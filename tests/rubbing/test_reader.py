@@ -7,6 +7,8 @@ import pytest
 from planted_rubbing import BLUR_PX, planted, random_places, square_places
 
 from zeromethod.rubbing import Motion, RubbingReader
+from zeromethod.rubbing.motion import moved
+from zeromethod.rubbing.spots import spots_of
 
 FRAME_S = 1 / 60
 FRAME_NS = round(1e9 * FRAME_S)
@@ -175,3 +177,14 @@ def test_another_contact_begins_anew_and_none_has_no_status():
     status = reader.follow([planted(places, 0.1, np.array([30.0, 0.0]), number=2)], 5 * FRAME_NS)
     assert status.motion is Motion.UNKNOWN
     assert "speed: first frame" in status.reason
+
+
+def test_a_movement_that_was_not_found_in_the_steps_allowed_is_none():
+    """Begun 0.2 mm off, four steps of a pixel end 0.07 mm off, which was called 0.006 mm sure."""
+    places, way = random_places(120, seed=3), np.array([0.25, 0.0])
+    first, second = (
+        spots_of(planted(places, 0.12, at, seed=k), BLUR_PX) for k, at in enumerate((0 * way, way))
+    )
+    assert moved(first, second, np.array([0.45, 0.0])) is None
+    found = moved(first, second, np.array([0.3, 0.0]))
+    assert abs(found.dx_mm - way[0]) < 3 * found.sigma_mm

@@ -54,12 +54,25 @@ def hole(shape):
     return np.hypot(row - shape[0] / 3, col - shape[1] / 2) > shape[0] / 8
 
 
+def part(rows, cols):
+    """Few nodes of a lattice, as where most of the view is dark."""
+
+    def island(shape):
+        out = np.zeros(shape, bool)
+        out[3 : 3 + rows, 2 : 2 + cols] = True
+        return out
+
+    return island
+
+
 MASKS = {
     "whole": lambda shape: np.ones(shape, bool),
     "salted": lambda shape: largest_island(np.random.default_rng(1).random(shape) > 0.25),
     "comb": comb,
     "ring": ring,
     "hole": hole,
+    "square": part(6, 6),
+    "line": part(1, 18),
 }
 SHAPES = (17, 22), (24, 25)
 SMALL = [("whole", shape) for shape in ((2, 2), (2, 31), (31, 3))]
@@ -102,3 +115,9 @@ def test_islands_that_rounding_alone_ties_together_are_solved_in_any_unit():
     found = LatticeSolution.of(across, down).solve(force)
     # as in the other tests: a share of 1e-11 in energy
     np.testing.assert_allclose(product(across, down, found), force, atol=1e-8 * np.abs(force).max())
+
+
+def test_what_is_not_solved_is_not_returned():
+    depth = np.random.default_rng(0).standard_normal((17, 22))
+    across, down = edges(np.ones((17, 22), bool))
+    assert np.isnan(LatticeSolution.of(across, down).solve(product(across, down, depth), most_cycles=1)).all()

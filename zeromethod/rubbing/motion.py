@@ -171,7 +171,10 @@ def _around_peak(likeness: Float, peak: tuple[np.intp, ...]) -> Mask:
 def _refined(
     smooth: Single, smooth_looked: Mask, other: Single, looked: Mask, shift: Float
 ) -> tuple[Float, float] | None:
-    """(shift, its sigma), px: fitted so that the second image, shifted back, is as the first."""
+    """(shift, its sigma), px: fitted so that the second image, shifted back, is as the first.
+
+    None where too little is seen in both, or the steps do not come to an end.
+    """
     rows, cols = smooth.shape
     rim = np.ones((2 * round(2 * _BLUR_PX) + 1,) * 2, np.uint8)
     own, others = (cv2.erode(one.view(np.uint8), rim, borderValue=0) for one in (smooth_looked, looked))
@@ -190,7 +193,10 @@ def _refined(
         normal = slope @ slope.T
         if np.linalg.det(normal) < 1e-6:
             return None
-        shift = shift + np.clip(np.linalg.solve(normal, slope @ lacks), -1, 1)
+        step = np.clip(np.linalg.solve(normal, slope @ lacks), -1, 1)
+        shift = shift + step
     variance = float(np.mean(lacks**2)) * _ALIKE_PX2
     sigma = float(np.sqrt(variance * np.trace(np.linalg.inv(normal)) / 2))
+    if not np.abs(step).max() < 1:  # the last step went as far as it may
+        return None
     return np.asarray(shift, dtype=np.float64), sigma

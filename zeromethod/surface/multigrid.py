@@ -27,7 +27,7 @@ _NULL = 1e-7
 _STEPS = 0.562, 1.389
 """Lengths of the two damped steps that smooth: Chebyshev's, for eigenvalues of 0.5 to 2 over the diagonal."""
 _ROUNDING = 1e-14
-"""Diagonal over the largest up to which a node has no edges but what rounding left: it is an island."""
+"""Diagonal over the finest lattice's largest up to which a node has no edges but what rounding left."""
 EXACT = 1e-11
 """Share of the error that is left by default."""
 _MOST_CYCLES = 300
@@ -170,7 +170,7 @@ def _gradients(
     most_cycles: int,
     out: Any,
 ) -> None:
-    """Conjugate gradients, added to `out`, until what is left is less than `share`."""
+    """Conjugate gradients, added to `out`, until less than `share` is left; NaN where more stays."""
     b, x, r = np.zeros_like(inverse), np.zeros_like(inverse), np.zeros_like(inverse)
     shape, count = rhs.shape, rhs.size
     left, along, bent, none = rhs.copy(), np.zeros(shape), np.zeros(shape), np.zeros(shape)
@@ -184,10 +184,10 @@ def _gradients(
         before, energy = energy, _dot(flat_left, x)
         if cycle == 0:
             first = energy
-        if np.isnan(energy):
-            flat_out[:] = np.nan
         if not energy > share * share * first:
-            return
+            if energy >= -share * share * first:
+                return
+            break
         turn = energy / before if cycle else 0.0
         # what is left once this step is taken, if it helps as much as the one before
         last = cycle > 0 and energy * turn < share * share * first
@@ -200,6 +200,7 @@ def _gradients(
             flat_left[k] += length * flat_bent[k]
         if last:
             return
+    flat_out[:] = np.nan
 
 
 def _flat(parts: list[Float], places: NDArray[np.intp]) -> NDArray[np.float32]:
@@ -210,10 +211,18 @@ def _flat(parts: list[Float], places: NDArray[np.intp]) -> NDArray[np.float32]:
     return out
 
 
-def _inverse(diagonal: Float) -> Float:
-    """1 / diagonal; 0 of a node without edges."""
-    held = diagonal > _ROUNDING * diagonal.max()
-    return np.divide(1.0, diagonal, out=np.zeros_like(diagonal), where=held)
+def _inverse(edges: Float) -> Float:
+    """1 / diagonal; 0 of a node without edges.
+
+    Edges of the wrong sign, which thin parts of an island get on coarse lattices, are added to the diagonal:
+    else eigenvalues exceed 2, and the steps that should smooth grow (A. H. Baker et al., Multigrid smoothers
+    for ultraparallel computing, SIAM J. Sci. Comput. 33 (2011) 2864, doi:10.1137/100798806).
+    """
+    diagonal: Float = edges[0].copy()
+    for one, way in zip(edges[1:], ((0, 1), (1, 0), (1, 1), (1, -1)), strict=True):
+        wrong = np.maximum(-one, 0.0)
+        diagonal += wrong + np.roll(wrong, way, (0, 1))
+    return np.divide(1.0, diagonal, out=np.zeros_like(diagonal), where=diagonal > 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -247,11 +256,13 @@ class LatticeSolution:
             p, coarser = (np.zeros((planes, rows + 2, cols + 2)) for planes in (8, 5))
             interpolation(lattices[-1], p)
             coarse(lattices[-1], p, coarser)
+            # an island within one coarse node has no edge to others: what is left would be inverted, too
+            coarser[:, coarser[0] <= _ROUNDING * matrix[0].max()] = 0.0
             lattices.append(coarser)
             between.append(p)
         sizes = [one.shape[1:] for one in lattices]
         before = np.cumsum([0, *(m * n for m, n in sizes)])
-        inverse = [_inverse(a[0]) for a in lattices]
+        inverse = [_inverse(a) for a in lattices]
         return cls(
             np.array([(*one, at) for one, at in zip(sizes, before[:-1], strict=True)]),
             matrix,
@@ -264,8 +275,8 @@ class LatticeSolution:
     def solve(self, rhs: Float, share: float = EXACT, most_cycles: int = _MOST_CYCLES) -> Float:
         """D (..., rows, cols), up to a constant, for right-hand sides b (..., rows, cols) that add up to 0.
 
-        share: of the energy's root that may be left. most_cycles: after which it may be more; even a comb
-        of single nodes takes fewer.
+        share: of the energy's root that may be left. most_cycles: even a comb of single nodes takes fewer.
+        NaN everywhere if more is left after these.
         """
         shape = self.matrix.shape[1:]
         given, found = np.zeros(shape), np.zeros(shape)

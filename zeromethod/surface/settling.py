@@ -89,6 +89,9 @@ class Settling:
                 read = PassResult(slope, variance, point, island, depth)
             steps = integrator.steps(slope, point[..., 0], point[..., 1])
             error = integrator.correction(steps, depth, _SOLVED)
+            if np.isnan(error[0, 0]):  # all are where the equations were not solved: there is no depth then
+                integrator.prepare(np.zeros_like(island), variance)
+                return Reading(np.zeros_like(depth), slope, point, (depth, depth), None, looks)
             before_mm = moved_mm
             moved_mm, curved_mm = look.move(anchoring.shape(read, error))
             ratio = moved_mm / before_mm if before_mm < np.inf else _MOST_LEFT

@@ -22,6 +22,9 @@ from zeromethod.warp.validity import Flag
 LEAST_NODES = 16
 """Nodes that must see the display for there to be anything to null."""
 
+_FOUND_LCD_PX = 0.01
+"""Rays that were found miss by 1e-6 LCD px; one that was not, by what the map differs from the geometry."""
+
 
 def _measured(grid: NodeGrid, model_q: Float, file: Path, optics: Optics) -> tuple[RestGrid, Float]:
     """Nodes on the rays that a measured rest names, and its LCD positions, NaN where it has none.
@@ -46,7 +49,8 @@ def _measured(grid: NodeGrid, model_q: Float, file: Path, optics: Optics) -> tup
     away[~measured] = 0.0
     q = model_q + continue_smoothly(away, measured)
     rays = RestGrid.of(grid, optics, q)
-    left_out = ~measured
+    # at the mirror's border there may be none: what a node reads by another's ray is no depth
+    left_out = ~(measured & (np.abs(optics.rest_map(*rays.mesh()) - q) < _FOUND_LCD_PX).all(axis=-1))
     left_out[warp.flags & np.uint16(Flag.OUTSIDE) != 0] = False
     return rays, np.where(left_out[..., None], np.nan, q)
 
