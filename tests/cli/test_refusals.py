@@ -8,6 +8,7 @@ import shutil
 import time
 from pathlib import Path
 
+import click
 import cv2
 import numpy as np
 import pytest
@@ -437,3 +438,12 @@ def test_bad_input_is_refused_in_one_line(line, words, folder, monkeypatch):
     assert outcome.err.count("\n") == 1
     assert words in outcome.err
     assert state_of(folder) == before
+
+
+def test_a_driver_that_leaves_the_program_anywhere_is_a_line_too():
+    def leave() -> None:
+        raise SystemExit(7)
+
+    code, _, err = run(command=click.Command("x", callback=leave))
+    assert code == 1
+    assert err == "zeromethod: measurement failed: a driver ended the program (SystemExit: 7)\n"

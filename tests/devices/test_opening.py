@@ -91,6 +91,11 @@ class UnsetCamera(PlainCamera):
         raise KeyError("LAB_SCRIPT")
 
 
+class ExitingCamera(PlainCamera):
+    def __init__(self) -> None:
+        raise SystemExit(3)
+
+
 class NoCamera:
     shape = (1, 1)
 
@@ -182,6 +187,7 @@ def test_a_clock_that_is_given_wins():
         ("DeepCamera", "^camera.bits: the device gives 12; the rig says 8"),
         ("AbsentCamera", "cannot be opened: no such device on this bus$"),
         ("UnsetCamera", "cannot be opened: KeyError: 'LAB_SCRIPT'$"),
+        ("ExitingCamera", "cannot be opened: SystemExit: 3$"),
         ("NoCamera", "not a camera: lacks bits, read, close"),
     ],
 )

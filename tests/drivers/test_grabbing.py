@@ -94,7 +94,11 @@ def test_a_device_that_hangs_while_it_is_opened_is_given_up_and_closed_later():
 
 @pytest.mark.parametrize(
     ("error", "message"),
-    [(CameraLost("unplugged"), "^unplugged$"), (OSError("bus\nreset"), "^OSError: bus reset$")],
+    [
+        (CameraLost("unplugged"), "^unplugged$"),
+        (OSError("bus\nreset"), "^OSError: bus reset$"),
+        (SystemExit(3), "^SystemExit: 3$"),
+    ],
 )
 def test_whatever_the_device_raises_later_is_a_lost_camera(error, message):
     camera = opened(lambda: Scripted(raising(error)))
@@ -151,6 +155,25 @@ def test_the_last_frame_is_read_before_the_loss_which_stays():
     for _ in range(2):
         with pytest.raises(CameraLost, match=r"^pulled out$"):
             camera.read(PATIENCE_S)
+    camera.close()
+
+
+def test_a_buffer_that_the_device_fills_again_and_again_spoils_no_frame_in_hand():
+    buffer, go, filled = np.zeros((2, 3), np.uint8), threading.Event(), threading.Event()
+
+    def script(call: int) -> Frame:
+        if call > 1:
+            go.wait(PATIENCE_S)
+        buffer[...] = call
+        if call > 1:
+            filled.set()
+        return replace(frame(call), image=buffer)
+
+    camera = opened(lambda: Scripted(script))
+    first = camera.read(PATIENCE_S)
+    go.set()
+    assert filled.wait(PATIENCE_S)
+    assert (first.image == 1).all()
     camera.close()
 
 

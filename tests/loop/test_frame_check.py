@@ -29,7 +29,7 @@ def frame(number: int, pixels: np.ndarray | None = None, **changes: Any) -> Fram
 
 def fresh(camera: CameraSpec = CAMERA) -> FrameCheck:
     check = FrameCheck(camera)
-    assert check.look_at(frame(0), 10 * MS).events == ()
+    assert check.look_at(check.timed(frame(0)), 10 * MS).events == ()
     return check
 
 
@@ -41,7 +41,14 @@ def fresh(camera: CameraSpec = CAMERA) -> FrameCheck:
         ({"image": image().astype(float)}, str(SHAPE)),
         ({"image": image()[..., None]}, str(SHAPE)),
         ({"time_ns": 2 * LATER_NS}, "past the present"),
-        ({"time_ns": float("nan")}, "past the present"),
+        ({"time_ns": float("nan")}, "time_ns is nan, not a whole number"),
+        ({"time_ns": -5}, "before the clock's beginning"),
+        ({"number": float("nan")}, "number is nan, not a whole number"),
+        ({"number": 2**63}, "number is beyond 64 bits"),
+        ({"number": -1}, "number is -1, below 0"),
+        ({"dropped": 2**31}, "dropped is beyond 32 bits"),
+        ({"exposure_ns": 10**5000}, "exposure_ns is beyond 64 bits"),
+        ({"exposure_ns": 1000 * 10**9}, "no two may overlap"),
         ({"dropped": -5}, "-5 frames were dropped"),
         ({"exposure_ns": 0}, "exposure is 0"),
         ({"image": None}, "NoneType"),
@@ -142,6 +149,13 @@ def test_number_and_time_must_rise(number_and_time):
     verdict = check.look_at(frame(number, time_ns=time_ns), LATER_NS)
     assert verdict.events == (Event.FRAME_DISORDERED,)
     assert not verdict.wrong
+
+
+@pytest.mark.parametrize("count", [lambda _: 7, lambda k: 9 - k % 2, lambda k: 1000 - k])
+def test_a_count_that_never_rises_is_a_fault_and_none_to_be_followed(count):
+    check = fresh()
+    events = [check.look_at(replace(frame(k), number=count(k)), LATER_NS).events for k in range(1, 20)]
+    assert events[-10:] == [(Event.FRAME_WRONG,)] * 10
 
 
 @pytest.mark.parametrize(

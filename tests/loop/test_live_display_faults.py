@@ -25,6 +25,15 @@ def test_a_display_lost_while_drawing_ends_the_run(real, display):
         assert last.reason == "the display is lost: the window is closed"
 
 
+@pytest.mark.parametrize("off_s", [1.0, -1.0])
+def test_a_presentation_time_that_cannot_be_ends_the_run(either, off_s):
+    show = either.screen.show
+    either.screen.show = lambda image: show(image) + round(1e9 * off_s)  # type: ignore[method-assign]
+    last = either.to_end()[-1]
+    assert (last.state, last.events[-1]) == (State.FAULT, Event.DEVICE_BROKEN)
+    assert "show() gave a presentation time" in last.reason
+
+
 def test_a_monitor_unplugged_is_noticed_while_the_camera_is_waited_for(real):
     real.eye.before_read = real.hang
     real.screen.on_poll = raising(DisplayLost("monitor 1 is unplugged"))

@@ -147,6 +147,8 @@ def test_wrong_frames_are_faults_and_the_next_good_one_ends_them(simulated):
     assert all(step.measured is None and step.dropped == 0 for step in steps)
     assert frozen(steps, before)
     assert notes(steps) == steps[0].reason  # shown once
+    simulated.eye.alter = lambda frame: replace(frame, number=2**70)
+    assert simulated.loop.step().frame_number is None  # as it can be recorded
     simulated.eye.alter = lambda frame: replace(frame, dropped=None)
     assert (simulated.loop.step().state, simulated.loop.status.state) == (State.FAULT, State.FAULT)
     simulated.eye.alter = lambda frame: frame
@@ -171,6 +173,8 @@ def test_nothing_but_wrong_frames_ends_the_run(either):
             lambda _: "picture",
             r"TypeError in .*: read\(\) gave str, which lacks image, time_ns",
         ),
+        ("eye", "before_read", raising(SystemExit(3)), r"SystemExit in hanging\.py, line \d+: 3"),
+        ("screen", "before_show", raising(SystemExit(7)), r"SystemExit in hanging\.py, line \d+: 7"),
         ("screen", "before_show", raising(OSError("swap")), r"OSError in hanging\.py.*swap"),
         ("screen", "show", lambda _: None, r"TypeError in .*: show\(\) gave None, not the presentation time"),
     ],

@@ -5,19 +5,24 @@ import subprocess
 import sys
 import time
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 from hanging import eventually
-from planted_steps import a_step, read, recorder
+from planted_steps import a_step, bench, read, reading, recorder
 from recorded_run import sum_again
 
 from zeromethod import Event, InputError, Recording, State
+from zeromethod.export.selection import Selection
 from zeromethod.recording import DamagedWarning
 from zeromethod.recording.damage import KINDS, damaged_words
+from zeromethod.recording.recorder import Recorder
 from zeromethod.recording.writing import FLUSH_S
+from zeromethod.view.report import key_steps
+from zeromethod.warp.rest_pixels import RestGrid
 
 STEPS = 8
 
@@ -71,6 +76,52 @@ for path in sys.argv[1:]:
     except InputError as error:
         print(error)
 """
+
+
+@pytest.mark.parametrize("name", ["q", "flags", "mask", "node_pixels", "nodes_u"])
+def test_damage_of_the_mirror_at_rest_is_named_and_hides_no_surface(name, files, tmp_path):
+    start = place(files["ended"], f"rest/{name}") + 100
+    with Recording(damaged(files["ended"], tmp_path / "damaged.h5", start, 1)) as found:
+        assert found.damaged() == {"rest": 1}
+        np.testing.assert_array_equal(found.surface(3).slope, reading(3)[0].slope.astype(np.float32))
+        # the rig's own, or what is said to be damaged
+        np.testing.assert_array_equal(found.grid.mesh(), bench()[1].grid.mesh())
+
+
+def test_rays_that_were_measured_are_not_made_up_where_they_are_damaged(tmp_path):
+    rig, rest = bench()
+    pixels = np.stack(rest.grid.mesh(), axis=-1) + 0.25
+    grid = RestGrid(image_shape=rest.grid.image_shape, period_px=rest.grid.period_px, pixels=pixels)
+    path = tmp_path / "run.h5"
+    with Recorder(path, rig, replace(rest, grid=grid)) as recording:
+        recording.add_step(a_step(1))
+    with Recording(path) as found:
+        np.testing.assert_array_equal(found.rest.grid.mesh(), grid.mesh())
+    with Recording(damaged(path, path, place(path, "rest/node_pixels") + 100, 1)) as found:
+        with pytest.warns(DamagedWarning, match="rest/node_pixels: damaged"):
+            assert found.grid.shape == grid.shape
+        assert found.tables.left_out() == {"rest": 1}
+        with pytest.raises(InputError, match="rest/node_pixels: damaged"):
+            _ = found.rest
+
+
+def test_surfaces_are_found_though_every_row_of_the_steps_is_zero(files, tmp_path):
+    path = tmp_path / "damaged.h5"
+    with h5py.File(files["ended"], "r") as file:
+        size = file["steps/table"].dtype.itemsize * STEPS
+    content = bytearray(files["ended"].read_bytes())
+    start = place(files["ended"], "steps/table")
+    content[start : start + size] = bytes(size)
+    path.write_bytes(content)
+    with Recording(path) as found, Recording(files["ended"]) as whole, warnings.catch_warnings():
+        warnings.simplefilter("ignore", DamagedWarning)
+        assert found.damaged()["steps"] == STEPS
+        selected, expected = (Selection().several(one, ("surface",)) for one in (found, whole))
+        for name in ("steps", "time_ns", "states"):
+            np.testing.assert_array_equal(getattr(selected, name), getattr(expected, name))
+        assert key_steps(found) == key_steps(whole)
+        assert found.tables.origin_words().endswith("times count from step 1")
+        assert whole.tables.origin_words() == ""
 
 
 def test_where_the_order_of_the_file_is_damaged_it_is_refused_and_not_waited_for(files, tmp_path):

@@ -8,6 +8,7 @@ from contextlib import contextmanager, suppress
 from zeromethod.approach.approach import FAULTY, Approach, Watching
 from zeromethod.approach.reader import WatchReader
 from zeromethod.clock import Clock, HostClock
+from zeromethod.devices.contract import RAISED, taken, wrong_numbers
 from zeromethod.devices.protocols import Camera, CameraLost, CameraTimeout
 from zeromethod.rig.model import Rig
 from zeromethod.worker import SameThread, Worker
@@ -73,7 +74,7 @@ class Watch:
 
     def _close_camera(self) -> None:
         camera, self._camera = self._camera, None
-        with suppress(Exception):
+        with suppress(*RAISED):
             if camera is not None:
                 camera.close()
 
@@ -86,12 +87,14 @@ class Watch:
                     self._clock.sleep_until_ns(now_ns + round(1e9 * self._wait_s))
                     return None
                 self._camera, self._frame_ns = self._open(), now_ns
-            frame = self._camera.read(self._wait_s)
+            frame = taken(self._camera, self._wait_s)
+            if wrong := wrong_numbers(frame):
+                raise CameraLost(wrong)
         except CameraTimeout:
             if now_ns - self._frame_ns <= 1e9 * self._stalled_s:
                 return None
             return Approach(watching=Watching.STALLED, time_ns=now_ns, reason="no new frame")
-        except Exception as error:  # of any kind: the run does not depend on this camera
+        except RAISED as error:  # of any kind: the run does not depend on this camera
             self._close_camera()
             self._tried_ns = now_ns
             words = " ".join(str(error).split()) or type(error).__name__

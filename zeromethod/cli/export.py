@@ -98,9 +98,9 @@ def export_command(
             for path, one in zip(outputs, forms, strict=True)
         ]
         found = [_write(export) for export in exports]
-        left_out = recording.tables.left_out()
+        left_out, origin = recording.tables.left_out(), recording.tables.origin_words()
     write_summary(summary, {"recording": str(file), "files": found, "damaged": left_out})
-    if words := damaged_words(left_out):
+    for words in filter(None, (damaged_words(left_out), origin)):
         click.echo(f"! {file}: {words}", err=True)
 
 

@@ -12,6 +12,7 @@ from typing import Any, cast
 from zeromethod.cli.output import TerminalPrompts
 from zeromethod.cli.page_options import opened_page
 from zeromethod.commissioning.setting_up import Sight
+from zeromethod.devices.contract import RAISED
 from zeromethod.devices.opening import Devices
 from zeromethod.devices.protocols import Camera
 from zeromethod.operating.controls import Controls
@@ -41,7 +42,7 @@ def guide_page(
         feed = GuideFeed(page, table, Controls(table, {"stop": stop}), bits)
         try:
             yield feed
-        except Exception as error:
+        except RAISED as error:
             feed.set(state="failed", reason=" ".join(str(error).split()), fresh=False)
             raise
         finally:

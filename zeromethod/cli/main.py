@@ -114,6 +114,12 @@ def main(
     except MeasurementError as error:
         click.echo(f"zeromethod: measurement failed: {error}", err=True)
         code = 1
+    except SystemExit as error:
+        # nothing here raises it: a driver, or a library under it
+        click.echo(
+            f"zeromethod: measurement failed: a driver ended the program (SystemExit: {error})", err=True
+        )
+        code = 1
     except BrokenPipeError:
         # the reader of the output has closed it
         _drop_output()

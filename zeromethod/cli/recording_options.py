@@ -143,9 +143,9 @@ class RecordingOptions:
 
         return make
 
-    def report(self, trouble: str) -> None:
-        """Say what was recorded. trouble: what went wrong with it, "" for nothing."""
-        if self.recording is not None and self.recording.exists():
+    def report(self, trouble: str, astray: bool) -> None:
+        """Say what was recorded. trouble: what went wrong with it. astray: it has lost its name."""
+        if self.recording is not None and not astray and self.recording.exists():
             size = self.recording.stat().st_size / 1e6
             why = f"; {trouble}" if trouble else ""
             click.echo(f"recorded in {self.recording} ({size:.1f} MB{why})")

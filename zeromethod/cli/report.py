@@ -61,7 +61,8 @@ def _write(file: Path, output: Path, summary: Path | None) -> None:
         writing("--output", output),
     ):
         figures = write_report(recording, file, output, advance)
+        origin = recording.tables.origin_words()
     write_summary(summary, {"recording": str(file), "report": str(output), **figures})
-    if words := damaged_words(figures["damaged"]):
+    for words in filter(None, (damaged_words(figures["damaged"]), origin)):
         click.echo(f"! {file}: {words}", err=True)
     click.echo(f"written: {output}")

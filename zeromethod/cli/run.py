@@ -259,7 +259,7 @@ def run_command(
                 folder=Path.cwd() if recording.recording is None else recording.recording.absolute().parent,
                 recorder=lambda path: replace(recording, recording=path).maker(stated, stored, fine),
             )
-        recording.report(session.result.recording_trouble)
+        recording.report(session.result.recording_trouble, session.result.recording_astray)
         _report(session.result, figure, summary)
 
 

@@ -9,16 +9,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
 
 from zeromethod.arrays import Bytes, Image, Single
 from zeromethod.devices.abilities import poll_of
-from zeromethod.devices.contract import presentation_ns, wrong_image
+from zeromethod.devices.contract import presented, taken, wrong_image, wrong_numbers
 from zeromethod.devices.opening import Devices
 from zeromethod.devices.protocols import CameraTimeout, Frame
-from zeromethod.errors import MeasurementError
+from zeromethod.errors import InputError, MeasurementError
 from zeromethod.exposure.pairing import PanelTiming
 from zeromethod.rig.model import Rig
 
@@ -69,15 +70,17 @@ class TimedPatterns:
         seen_ns = max(timing.latency_ns, 0.0) + timing.scanout_ns + RISE_CONSTANTS * timing.tau_ns
         self.hold_s = 1e-9 * seen_ns + margin_s
         self._devices = devices
-        self._timeout_s = rig.control.timeout_s
+        self._timeout_s, self._refresh_hz = rig.control.timeout_s, rig.display.refresh_hz
         self._image = (rig.camera.rows, rig.camera.columns), np.uint8 if rig.camera.bits == 8 else np.uint16
 
     def show(self, codes: Bytes) -> int:
         """Show LCD codes (rows, cols); presentation time, ns. Raises MeasurementError where there is none."""
-        given = self._devices.display.show(codes)
+        show = partial(self._devices.display.show, codes)
         try:
-            return presentation_ns(given)
-        except TypeError as error:
+            return presented(show, self._devices.clock, self._refresh_hz)
+        except InputError:
+            raise
+        except (TypeError, ValueError) as error:
             raise MeasurementError(f"the display: {error}") from error
 
     def frames(self, codes: Bytes, count: int) -> list[Frame]:
@@ -118,10 +121,10 @@ class TimedPatterns:
         for _ in range(TIMEOUTS_TO_FAIL):
             poll()
             try:
-                frame = self._devices.camera.read(self._timeout_s)
+                frame = taken(self._devices.camera, self._timeout_s)
             except CameraTimeout:
                 continue
-            if wrong := wrong_image(frame.image, *self._image):
+            if wrong := wrong_image(frame.image, *self._image) or wrong_numbers(frame):
                 raise MeasurementError(wrong)
             return frame
         raise MeasurementError(f"the camera gave no frame for {TIMEOUTS_TO_FAIL * self._timeout_s:g} s")

@@ -118,7 +118,9 @@ class SettingUp:
         self._flicker = FlickerMeter(rig.camera.noise.black_grey)
         self._bright: deque[float] = deque(maxlen=BRIGHT_FRAMES)
         self._plain = PlainPictures(self._meter.rest) if with_lcd else None
-        self._drawer = Drawer(self._rig, devices.display, self._meter.rest) if with_lcd else None
+        self._drawer = (
+            Drawer(self._rig, devices.display, devices.clock, self._meter.rest) if with_lcd else None
+        )
 
     def sights(self, seconds: float | None = None) -> Iterator[Sight]:
         """Judge frames, one after the other.

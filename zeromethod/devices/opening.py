@@ -22,6 +22,7 @@ from typing import Any, Literal, cast
 
 from zeromethod.clock import Clock, HostClock, SimulatedClock
 from zeromethod.devices.abilities import poll_of
+from zeromethod.devices.contract import RAISED
 from zeromethod.devices.protocols import Camera, Display
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.rig.model import CameraSpec, DisplaySpec, Rig, check_rig
@@ -70,7 +71,7 @@ def load_driver(kind: Kind, name: str) -> Factory:
         sys.path.insert(0, os.getcwd())
     try:
         factory = getattr(importlib.import_module(module), attribute) if colon else known[name].load()
-    except Exception as error:  # whatever somebody else's code raises is reported in one line
+    except RAISED as error:  # whatever somebody else's code raises is reported in one line
         raise InputError(f"{where}: cannot be imported: {_one_line(error)}") from error
     if not callable(factory):
         raise InputError(f"{where}: not callable; allowed: a class or function that returns a {kind}")
@@ -125,7 +126,7 @@ class Devices:
             self._openings += 1
             opening = self._openings
         # a camera that is gone may well fail to close, too
-        with contextlib.suppress(Exception):
+        with contextlib.suppress(*RAISED):
             self._close("camera", self.camera, CLOSING_S)
         camera = self._open_camera()
         with self._lock:
@@ -156,7 +157,7 @@ class Devices:
         for kind, device in (("camera", self.camera), ("display", self.display)):
             try:
                 self._close(kind, device, max(end_s - time.monotonic(), LEAST_CLOSING_S))
-            except Exception as error:
+            except RAISED as error:
                 failed.append(f"{kind}: cannot be closed: {_one_line(error)}")
         if failed:
             raise MeasurementError("; ".join(failed))
@@ -258,7 +259,7 @@ def _open(kind: Kind, table: CameraSpec | DisplaySpec, factory: Factory, context
         device: object = factory(**options)
     except InputError:
         raise
-    except Exception as error:
+    except RAISED as error:
         raise InputError(f"{where}: cannot be opened: {_one_line(error)}") from error
     members = [name for name in _members(_PROTOCOLS[kind]) if not hasattr(device, name)]
     if members:
@@ -337,4 +338,4 @@ def _members(protocol: type) -> list[str]:
 
 def _one_line(error: BaseException) -> str:
     words, name = " ".join(str(error).split()), type(error).__name__
-    return f"{name}: {words}" if words and isinstance(error, KeyError) else words or name
+    return f"{name}: {words}" if words and isinstance(error, KeyError | SystemExit) else words or name

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 from zeromethod.arrays import Bytes, Float, Image
 
@@ -44,9 +44,34 @@ class Frame:
     dropped: int = 0
 
 
+Read = TypeVar("Read", bound=Callable[..., object])
+
+
+def gives_buffers(read: Read) -> Read:
+    """Mark a driver's `read` (or a source's `grab`): nobody ever writes into the images it gave.
+
+    Such images are not copied. Another `read`, of a subclass or around this one, is not marked by it.
+
+    Parameters
+    ----------
+    read
+        The method.
+
+    Returns
+    -------
+    callable
+        The same method.
+    """
+    read.__dict__["gives_buffers"] = True
+    return read
+
+
 @runtime_checkable
 class Camera(Protocol):
-    """A source of frames. In the host's time it is opened, read and closed in threads of their own."""
+    """A source of frames. In the host's time it is opened, read and closed in threads of their own.
+
+    The image of a frame is copied before `read` is called again, unless `read` is marked `gives_buffers`.
+    """
 
     @property
     def shape(self) -> tuple[int, int]:

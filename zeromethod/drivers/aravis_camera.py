@@ -12,7 +12,7 @@ import numpy as np
 
 from zeromethod.arrays import Image
 from zeromethod.clock import HostClock
-from zeromethod.devices.protocols import CameraLost, Frame
+from zeromethod.devices.protocols import CameraLost, Frame, gives_buffers
 from zeromethod.drivers.aravis_library import SUCCESS, Aravis, AravisError, library
 from zeromethod.drivers.genicam import FeatureError, GenICamSource, Settings, Value
 from zeromethod.drivers.grabbing import POLL_S, GrabbedCamera
@@ -147,6 +147,7 @@ class _AravisSource(GenICamSource):
     def _when_lost(self) -> None:
         self._control_lost = True
 
+    @gives_buffers
     def grab(self) -> Frame | None:
         """Newest frame, or None when none came in a moment; raises CameraLost when its control is lost."""
         if self._control_lost:

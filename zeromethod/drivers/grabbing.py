@@ -12,7 +12,8 @@ from functools import partial
 from typing import Protocol
 
 from zeromethod.devices.abilities import identity_of
-from zeromethod.devices.protocols import CameraLost, CameraTimeout, Frame
+from zeromethod.devices.contract import RAISED, own
+from zeromethod.devices.protocols import CameraLost, CameraTimeout, Frame, gives_buffers
 from zeromethod.errors import InputError
 from zeromethod.worker import Worker, completed
 
@@ -45,7 +46,10 @@ class Source(Protocol):
         """Whether it exposes only when it is asked (software trigger)."""
 
     def grab(self) -> Frame | None:
-        """Next frame; None when none came for a moment (`POLL_S`). Raises CameraLost."""
+        """Next frame; None when none came for a moment (`POLL_S`). Raises CameraLost.
+
+        Its image is copied before the next call, unless this is marked `gives_buffers`.
+        """
 
     def close(self) -> None:
         """Release the device."""
@@ -82,6 +86,7 @@ class GrabbedCamera:
         if not self._worker.opened(open_timeout_s):
             raise CameraLost(f"{name}: did not open within {open_timeout_s:g} s")
 
+    @gives_buffers
     def read(self, timeout_s: float) -> Frame:
         """Newest frame not yet returned; raises CameraTimeout or CameraLost."""
         if self._end:
@@ -132,13 +137,14 @@ class GrabbedCamera:
                 while self._exposures:
                     wanted_s, future = self._exposures.popleft()
                     completed(partial(source.set_exposure, wanted_s), future)  # type: ignore[attr-defined]
-                frame = source.grab()
+                given = source.grab()
             except CameraLost:
                 raise
-            except Exception as error:  # whatever a maker's library raises during a run: the camera is lost
+            except RAISED as error:  # whatever a maker's library raises during a run: the camera is lost
                 raise CameraLost(f"{type(error).__name__}: {' '.join(str(error).split())}") from error
-            if frame is None:
+            if given is None:
                 return None
+            frame = own(given, source.grab)  # the next grab may write into its image
             self._asked.clear()
             self._counted += 1 + frame.dropped
             return frame, self._counted

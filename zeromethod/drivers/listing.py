@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
+from zeromethod.devices.contract import RAISED
 from zeromethod.drivers import aravis_camera, pylon_camera
 from zeromethod.drivers.aravis_library import INSTALL, library
 from zeromethod.errors import InputError
@@ -90,7 +91,7 @@ def _within(driver: str, look: Callable[[], list[tuple[str, str]]], problems: li
         found = call_within(PATIENCE_S, look, f"listing {driver}")
     except TimeoutError:
         problems.append(f"{driver}: no answer within {PATIENCE_S:g} s")
-    except Exception as error:
+    except RAISED as error:
         problems.append(f"{driver}: {' '.join(str(error).split()) or type(error).__name__}")
     else:
         return [Found(f"{driver}:{address}", name) for address, name in found]

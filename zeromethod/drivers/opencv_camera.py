@@ -15,7 +15,7 @@ import numpy as np
 
 from zeromethod.arrays import Image
 from zeromethod.clock import HostClock
-from zeromethod.devices.protocols import CameraLost, Frame
+from zeromethod.devices.protocols import CameraLost, Frame, gives_buffers
 from zeromethod.drivers.device_clock import DeviceClock, MidExposure
 from zeromethod.drivers.grabbing import POLL_S, GrabbedCamera, Source
 from zeromethod.drivers.not_opened import reason
@@ -240,6 +240,7 @@ class _Capture:
             top = int(image.max())
             raise InputError(f"camera.bits: {bits}: the frames reach {top}: {top.bit_length()} bits")
 
+    @gives_buffers
     def grab(self) -> Frame | None:
         """Next frame, at its time when it comes from a file."""
         image, received_ns, ticks = self._next or self._decoded()

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from zeromethod.clock import HostClock
-from zeromethod.devices.protocols import CameraLost, Frame
+from zeromethod.devices.protocols import CameraLost, Frame, gives_buffers
 from zeromethod.drivers.genicam import FeatureError, GenICamSource, Settings, Value
 from zeromethod.drivers.grabbing import POLL_S, GrabbedCamera
 from zeromethod.drivers.not_opened import in_words
@@ -134,6 +134,7 @@ class _PylonSource(GenICamSource):
                 f"camera.serial: {serial!r}: cannot be opened: {in_words(_one_line(error))}"
             ) from error
 
+    @gives_buffers
     def grab(self) -> Frame | None:
         """Next frame, or None when none came in a moment; raises CameraLost when the device was removed."""
         if self._trigger_due():

@@ -81,12 +81,14 @@ class Selection:
         return _selected(recording, found[-1:] if deepest is None else found[found["number"] == deepest])
 
     def _within(self, recording: Recording, numbers: Ints | None, what: str) -> NDArray[np.void]:
-        steps = recording.steps
+        steps = recording.turns
         if not len(steps):
-            raise InputError(f"{recording.path}: nothing was recorded yet")
+            lost = recording.tables.left_out().get("steps", 0)
+            why = f"all {lost} rows of its steps are damaged" if lost else "nothing was recorded yet"
+            raise InputError(f"{recording.path}: {why}")
         if numbers is not None:
             steps = steps[np.isin(steps["number"], numbers)]
-        time_s = 1e-9 * (steps["time_ns"] - recording.steps["time_ns"][0])
+        time_s = 1e-9 * (steps["time_ns"] - recording.turns["time_ns"][0])
         low = -math.inf if self.from_s is None else self.from_s
         high = math.inf if self.to_s is None else self.to_s
         found: NDArray[np.void] = steps[(time_s >= low) & (time_s <= high)]
@@ -119,7 +121,7 @@ def needed(module: str) -> Any:
 
 
 def _selected(recording: Recording, rows: NDArray[np.void]) -> SelectedSteps:
-    since_ns = rows["time_ns"] - recording.steps["time_ns"][0]
+    since_ns = rows["time_ns"] - recording.turns["time_ns"][0]
     started = datetime.fromisoformat(recording.started_utc)
     unix_ns = round(started.timestamp() * 1e6) * 1000 + since_ns
     states = tuple(recording.state_of(row).value for row in rows)

@@ -75,7 +75,7 @@ def export_rows(
     rows = recording.tables.later(table)
     rows = rows[np.isin(rows["step"], selected.steps)]
     names = [name for name in rows.dtype.names or () if name not in ("step", "time_ns")]
-    time_s = 1e-9 * (rows["time_ns"] - recording.steps["time_ns"][0])
+    time_s = 1e-9 * (rows["time_ns"] - recording.turns["time_ns"][0])
     with atomic_write(path) as part, part.open("w", newline="", encoding="utf-8") as file:
         lines = csv.writer(file, lineterminator="\n")
         lines.writerow(["time_s", *names])

@@ -124,7 +124,7 @@ def _pictures(
             # of a damaged frame the picture before stays
             if done == index and (frame := recording.image(step)) is not None:
                 words = f"{selected.time_s[done]:8.3f} s   {selected.states[done]:<9}"
-                words += f"   residual rms {rms_px[step]:7.4f} px{peak_words}"
+                words += f"   residual rms {rms_px.get(step, np.nan):7.4f} px{peak_words}"
                 image = picture.draw(frame, recording.residual(step), surface, words)
             advance()
             done += 1

@@ -6,9 +6,11 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 
 from zeromethod.arrays import Float, Mask
-from zeromethod.devices.contract import presentation_ns
+from zeromethod.clock import Clock
+from zeromethod.devices.contract import presented
 from zeromethod.devices.protocols import Display, DisplayLost, DrawingDisplay
 from zeromethod.errors import InputError
 from zeromethod.gl import collect, create_context
@@ -64,12 +66,14 @@ class Drawer:
     made with the first picture.
     """
 
-    def __init__(self, rig: Rig, display: Display, rest: Rest, strips: Strips | None = None) -> None:
+    def __init__(
+        self, rig: Rig, display: Display, clock: Clock, rest: Rest, strips: Strips | None = None
+    ) -> None:
         """InputError where no GL context can be had. strips: where codes are drawn."""
         self._rig = rig
         self._strips = strips
         self._rest = rest
-        self._display = display
+        self._display, self._clock = display, clock
         self._renderers: dict[Target, PatternRenderer] = {}
         self.target = Target.from_spec(rig.target)
         """What is drawn; another one from the next picture on, where it is changed."""
@@ -92,17 +96,18 @@ class Drawer:
         """Show the target warped by `q` (rows, cols, 2) LCD px, with `code` in its strips; time in ns.
 
         coded: fringes over parts of it. lamp: (rows, cols) nodes that are to be white. shift: of the target,
-        periods along u and v. Raises DisplayLost; TypeError where the display does not say when.
+        periods along u and v. Raises DisplayLost, and as `presented` where the display does not say when.
         """
-        if self._drawing is not None:
-            time_ns = self._drawing.draw(
-                lambda framebuffer: self._renderer().render(framebuffer, q, code, coded, lamp, shift)
+        if (drawing := self._drawing) is not None:
+            show = partial(
+                drawing.draw,
+                lambda framebuffer: self._renderer().render(framebuffer, q, code, coded, lamp, shift),
             )
         else:
             with self._context:
                 image = self._renderer().image(q, code, coded, lamp, shift)
-            time_ns = self._display.show(image)
-        return presentation_ns(time_ns)
+            show = partial(self._display.show, image)
+        return presented(show, self._clock, self._rig.display.refresh_hz)
 
     def close(self) -> None:
         """Free a GL context of its own; a display's belongs to the display."""

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from zeromethod.arrays import Image, Mask
-from zeromethod.devices.contract import wrong_image
+from zeromethod.devices.contract import wrong_image, wrong_numbers
 from zeromethod.devices.protocols import Frame
 from zeromethod.loop.events import Event, Notice
 from zeromethod.rig.model import CameraSpec
@@ -36,24 +34,6 @@ SEAM_FRAMES = 8
 
 JUMP_FRAMES = 3
 """Consecutive frames that follow each other, but not those before, after which the clock has jumped."""
-
-_NUMBERS = ("time_ns", "exposure_ns", "number", "dropped")
-
-
-def _plain(value: Any) -> Any:
-    """Whole number as Python's own, which does not overflow; whatever else is given as it is."""
-    if isinstance(value, int | float | np.integer | np.floating) and math.isfinite(value):
-        return round(value)
-    return value
-
-
-def own(frame: Frame) -> Frame:
-    """Frame whose image is in order in memory and may be written to: copied where it is not.
-
-    Code that works on images is compiled for such; compiling it for any other would take seconds.
-    """
-    flags = frame.image.flags
-    return frame if flags.c_contiguous and flags.writeable else replace(frame, image=frame.image.copy())
 
 
 @dataclass(frozen=True)
@@ -106,6 +86,7 @@ class FrameCheck:
         self._shift_ns = 0
         self._resumed = True
         self._astray: list[tuple[int, int, int]] = []
+        self._disordered = 0
         self._sample: Image | None = None
         self._tears: list[int] = []
         self._seams = 0
@@ -116,6 +97,7 @@ class FrameCheck:
         self._sample = None
         self._shift_ns = 0
         self._astray.clear()
+        self._disordered = 0
         self._tears.clear()
 
     def resume(self) -> None:
@@ -123,14 +105,14 @@ class FrameCheck:
         self._resumed = True
 
     def timed(self, frame: Frame) -> Frame:
-        """Frame in plain numbers, with its time on the run's clock, should the camera's have jumped."""
-        time_ns, exposure_ns, number, dropped = (_plain(getattr(frame, name)) for name in _NUMBERS)
+        """Frame with its time on the run's clock, should the camera's have jumped."""
+        time_ns, dropped = frame.time_ns, frame.dropped
         if isinstance(time_ns, int):
             time_ns += self._shift_ns
         if self._resumed and isinstance(dropped, int):
             dropped = min(dropped, 0)
         self._resumed = False
-        return Frame(frame.image, time_ns, exposure_ns, number, dropped)
+        return replace(frame, time_ns=time_ns, dropped=dropped)
 
     def look_at(
         self, frame: Frame, now_ns: int, stale: Callable[[int], Notice | None] = lambda _now_ns: None
@@ -152,12 +134,10 @@ class FrameCheck:
         events = [Event.FRAMES_DROPPED] if frame.dropped else []
         stale = self._stale_rows(image)
         if self._last is not None and (frame.number <= self._last[0] or frame.time_ns <= self._last[1]):
-            if not stale.all() and (jumped := self._jumped(frame, now_ns)):
-                return jumped
-            events.append(Event.FRAME_REPEATED if stale.all() else Event.FRAME_DISORDERED)
-            return _refused(tuple(events), f"frame {frame.number} came after frame {self._last[0]}")
+            return self._out_of_order(frame, now_ns, self._last, bool(stale.all()), events)
         self._last = frame.number, frame.time_ns
         self._astray.clear()
+        self._disordered = 0
         if self._late(now_ns - frame.time_ns):
             events.append(Event.FRAME_LATE)
         if not self._noisy or not stale.any():
@@ -168,6 +148,24 @@ class FrameCheck:
         rows = round(100 * float(stale.mean()))
         return _refused((*events, Event.FRAME_TORN), f"{rows} % of the frame is still that of the one before")
 
+    def _out_of_order(
+        self, frame: Frame, now_ns: int, last: tuple[int, int], stale: bool, events: list[Event]
+    ) -> FrameVerdict:
+        """Verdict on a frame whose number or time does not rise. stale: its image is that of the one before.
+
+        Where so many come in a row that one order among them would have been followed, there is none.
+        """
+        again = stale and (self._noisy or (frame.number, frame.time_ns) == last)
+        if not again and (jumped := self._jumped(frame, now_ns)):
+            return jumped
+        self._disordered += not again
+        words = f"frame {frame.number} came after frame {last[0]}"
+        if self._disordered > JUMP_FRAMES:
+            both = f"{words}, at {frame.time_ns} ns after {last[1]} ns: both must rise"
+            return _refused((Event.FRAME_WRONG,), both)
+        event = Event.FRAME_REPEATED if again else Event.FRAME_DISORDERED
+        return _refused((*events, event), words)
+
     def _joined(self, image: Image, events: tuple[Event, ...]) -> FrameVerdict:
         """Judge a frame with no old rows: refused where it was torn before and parts of two frames meet."""
         self._seams = self._seams + 1 if any(_breaks_off(image, row) for row in self._tears) else 0
@@ -177,30 +175,22 @@ class FrameCheck:
 
     def _wrong(self, frame: Frame, now_ns: int) -> FrameVerdict | None:
         """Verdict on a frame that breaks the contract, or whose clock jumped ahead; None for any other."""
-        if broken := self._broken_contract(frame):
+        if broken := wrong_image(frame.image, self._shape, self._dtype) or wrong_numbers(frame):
             return _refused((Event.FRAME_WRONG,), broken)
         # An exposure's length is left for clocks that were mapped onto each other.
-        if frame.time_ns <= now_ns + frame.exposure_ns:
-            return None
-        words = f"the frame's time lies past the present: {frame.time_ns} ns at {now_ns} ns"  # NaN does too
+        if 0 <= frame.time_ns <= now_ns + frame.exposure_ns:
+            since_ns = frame.time_ns - self._last[1] if self._last else 0
+            if not 0 < since_ns < frame.exposure_ns - self._late_ns:
+                return None
+            words = f"an exposure of {frame.exposure_ns} ns {since_ns} ns after the last: no two may overlap"
+            return _refused((Event.FRAME_WRONG,), words)
+        where = "before the clock's beginning" if frame.time_ns < 0 else "past the present"
+        words = f"the frame's time lies {where}: {frame.time_ns} ns at {now_ns} ns"
         return self._jumped(frame, now_ns) or _refused((Event.FRAME_WRONG,), words)
-
-    def _broken_contract(self, frame: Frame) -> str:
-        """Members that no camera may give, in words; "" for none."""
-        if wrong := wrong_image(frame.image, self._shape, self._dtype):
-            return wrong
-        for name in _NUMBERS:
-            if not isinstance(getattr(frame, name), int | float):
-                return f"the frame's {name} is {getattr(frame, name)!r}, not a number"
-        if not frame.exposure_ns > 0:
-            return f"the frame's exposure is {frame.exposure_ns} ns"
-        if not frame.dropped >= 0:
-            return f"the frame says that {frame.dropped} frames were dropped"
-        return ""
 
     def _jumped(self, frame: Frame, now_ns: int) -> FrameVerdict | None:
         """Note a frame out of order; after some that are in order among themselves, follow their clock."""
-        if self._least_age_ns is None or not isinstance(frame.time_ns, int):
+        if self._least_age_ns is None:
             return None
         astray = self._astray
         if astray and (frame.number <= astray[-1][0] or frame.time_ns <= astray[-1][1]):
@@ -215,6 +205,7 @@ class FrameCheck:
         self._shift_ns += shift_ns
         self._last = frame.number, frame.time_ns + shift_ns
         astray.clear()
+        self._disordered = 0
         what = f"clock jumped by {-1e-9 * shift_ns:+.3g} s" if shift_ns else "count was set back"
         return _refused((Event.CLOCK_JUMPED,), f"the camera's {what}: followed")
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from zeromethod.devices.contract import wrong_numbers
 from zeromethod.devices.protocols import Frame
 from zeromethod.loop.circle import FrameResult
 from zeromethod.loop.events import Event, Notice
@@ -60,7 +61,7 @@ def frame_outcome(
 def frame_figures(frame: Frame, verdict: FrameVerdict, result: FrameResult) -> dict[str, Any]:
     """Fields of a `Step` that are its frame's alone; arrays that the circle changes are copied."""
     figures: dict[str, Any] = {
-        "frame_number": frame.number,
+        "frame_number": None if wrong_numbers(frame) else frame.number,
         "sensed": verdict.refusal is None,
         "image": frame.image,
         "residual": result.residual and result.residual.copy(),

@@ -7,10 +7,11 @@ import traceback
 from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import nullcontext
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 
 from zeromethod.clock import Clock
+from zeromethod.devices.contract import taken
 from zeromethod.devices.protocols import Camera, CameraLost, CameraTimeout, DisplayLost, Frame
 from zeromethod.loop.events import Event
 from zeromethod.loop.reopening import Reopener
@@ -42,7 +43,7 @@ class Stopped(Exception):
     """The wait for a frame is to end; raised by what is called meanwhile."""
 
 
-def failure(error: Exception) -> Trouble:
+def failure(error: BaseException) -> Trouble:
     """End on a lost display, or on what no device may raise: the driver is named, and nothing is lost."""
     if isinstance(error, DisplayLost):
         return Trouble(Outcome.FAILED, f"the display is lost: {error}", (Event.DISPLAY_LOST,), ends=True)
@@ -50,13 +51,6 @@ def failure(error: Exception) -> Trouble:
     words = " ".join(str(error).split()) or "no message"
     reason = f"{type(error).__name__} in {Path(where.filename).name}, line {where.lineno}: {words}"
     return Trouble(Outcome.FAILED, reason, (Event.DEVICE_BROKEN,), ends=True)
-
-
-def _check_members(frame: Frame) -> None:
-    """Refuse what lacks a frame's members; frames may be of any class."""
-    missing = [field.name for field in fields(Frame) if not hasattr(frame, field.name)]
-    if missing:
-        raise TypeError(f"read() gave {type(frame).__name__}, which lacks {', '.join(missing)}")
 
 
 class Capture:
@@ -71,7 +65,7 @@ class Capture:
         self._meanwhile = meanwhile
 
         def answer(timeout_s: float) -> Future[Frame]:
-            return completed(lambda: camera.read(timeout_s))
+            return completed(lambda: taken(camera, timeout_s))
 
         self._worker: Worker[float, Future[Frame]] = Worker("capture", lambda: nullcontext(answer))
         self._asked = False
@@ -133,14 +127,18 @@ class FrameSource:
         if self._lost is not None:
             return self._reopen(self._lost)
         try:
-            frame = self._camera.read(self._timeout_s)
+            frame = self._read()
         except CameraTimeout:
             return self._timed_out()
         except CameraLost as error:
             return self._gone(f"the camera is lost: {error}", Event.CAMERA_LOST)
-        _check_members(frame)
         self._timeouts = 0
         return frame
+
+    def _read(self) -> Frame:
+        if isinstance(self._camera, Capture):
+            return self._camera.read(self._timeout_s)
+        return taken(self._camera, self._timeout_s)
 
     def close(self) -> None:
         """End reading and reopening; the camera stays open."""

@@ -10,6 +10,7 @@ from typing import Any
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.clock import Clock, HostClock
+from zeromethod.devices.contract import RAISED
 from zeromethod.devices.protocols import Camera, Display, Frame
 from zeromethod.loop.adjustments import Adjustments
 from zeromethod.loop.assembly import make_circle
@@ -19,7 +20,7 @@ from zeromethod.loop.circle import FrameResult
 from zeromethod.loop.display_watch import DisplayWatch
 from zeromethod.loop.drawing import HANGING_S, Drawer, Drawing
 from zeromethod.loop.events import Event, Notice, Notices
-from zeromethod.loop.frame_check import FrameCheck, own
+from zeromethod.loop.frame_check import FrameCheck
 from zeromethod.loop.frame_outcome import burst_words, frame_figures, frame_outcome
 from zeromethod.loop.frame_source import FrameSource, Stopped, Trouble, failure
 from zeromethod.loop.light_quality import LightQuality
@@ -106,7 +107,7 @@ class Loop:
         timeout_s, timed = rig.control.timeout_s, parts.strips is not None
         dwell = PatternDwell(1e9 / rig.camera.rate_hz, timed) if self.live or timed else None
         pace = timed, max(timeout_s, HANGING_S), self.live, rig.target.step
-        drawing = Drawing(lambda: Drawer(rig, display, parts.rest, parts.strips), *pace)
+        drawing = Drawing(lambda: Drawer(rig, display, clock, parts.rest, parts.strips), *pace)
         self.gl_renderer = drawing.gl_renderer
         """Name of what draws the pattern, as GL gives it."""
         self.adjust = Adjustments(rig, self._circle.controller, drawing)
@@ -233,7 +234,7 @@ class Loop:
             self._screen.frame_arrived()
         except Stopped:
             return self._without_frame(Trouble(Outcome.STOP, "the run was stopped"))
-        except Exception as error:
+        except RAISED as error:
             return self._without_frame(failure(error))
         finally:
             self._waiting = False
@@ -256,7 +257,7 @@ class Loop:
         now_ns, frozen = self._clock.now_ns(), self._frozen or self.paused
         verdict = self._check.look_at(frame, now_ns, self._watch.stale)
         self._circle.expect_touch(bool(self.coming))
-        result = FrameResult() if verdict.refusal else self._circle.take(own(frame), frozen)
+        result = FrameResult() if verdict.refusal else self._circle.take(frame, frozen)
         loop_ms = 1e3 * (time.perf_counter() - started)
         events, refusal = verdict.events, verdict.refusal
         if result.refusal is not None:
@@ -314,7 +315,7 @@ class Loop:
             dwell.note(refusal is not None, result.residual_rms_px)
         try:
             self._screen.offer(result.changed, frozen, now_ns)
-        except Exception as error:
+        except RAISED as error:
             self.over = True
             return failure(error)
         return None

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from concurrent.futures import Future, wait
 
 from zeromethod.clock import Clock
+from zeromethod.devices.contract import RAISED
 from zeromethod.devices.protocols import Camera, CameraLost, CameraTimeout
 from zeromethod.errors import InputError
 from zeromethod.worker import call_within, completed, in_thread
@@ -127,5 +128,5 @@ class Reopener:
 
 def _close(opening: Future[Camera]) -> None:
     """Close a camera that nobody waits for any more."""
-    with contextlib.suppress(Exception):
+    with contextlib.suppress(*RAISED):
         call_within(CLOSING_S, opening.result().close, "camera closing")

@@ -5,7 +5,8 @@ from __future__ import annotations
 import threading
 from typing import Any
 
-from zeromethod.devices.protocols import Camera, Frame
+from zeromethod.devices.contract import taken
+from zeromethod.devices.protocols import Camera, Frame, gives_buffers
 from zeromethod.operating.controls import Controls
 from zeromethod.operating.table import Table
 from zeromethod.page.message import Content, Said
@@ -82,8 +83,9 @@ class WatchedCamera:
     def __getattr__(self, name: str) -> Any:
         return getattr(self._camera, name)
 
+    @gives_buffers
     def read(self, timeout_s: float) -> Frame:
         """As the camera's."""
-        frame = self._camera.read(timeout_s)
+        frame = taken(self._camera, timeout_s)
         self._feed.picture(frame)
         return frame

@@ -27,6 +27,8 @@ KINDS = {
     "fine_nodes": ("fine surface's nodes", "fine surfaces' nodes"),
     "pictures": ("picture's warp", "pictures' warps"),
     "zeros": ("zero", "zeros"),
+    "rest": ("array of the mirror at rest", "arrays of the mirror at rest"),
+    "files": ("file that the rig names", "files that the rig names"),
     "steps": ("step's row", "steps' rows"),
     "peaks": ("peak", "peaks"),
     "fine_peaks": ("fine surface's peak", "fine surfaces' peaks"),
@@ -38,7 +40,7 @@ KINDS = {
     "pointers": ("pointer event's row", "pointer events' rows"),
     "calls": ("call's row", "calls' rows"),
 }
-"""Words for one item of a group, and for several; the last ten are tables alone."""
+"""Words for one item of a group, and for several; the last ten are tables, two before them fixed."""
 
 
 _ROUGH, _SIGMAS = 0.5, 5.0
@@ -54,7 +56,12 @@ def damaged_items(
     """
     found = {}
     for group in KINDS:
-        damaged = _damaged_in(source, group, lengths.get(group, 0))
+        fixed = group in {"rest", "files"}
+        damaged = (
+            sum(not source.is_whole(f"{group}/{name}") for name in source.summed(group))
+            if fixed
+            else _damaged_in(source, group, lengths.get(group, 0))
+        )
         if damaged:
             found[group] = damaged
         advance()

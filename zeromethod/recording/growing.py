@@ -35,6 +35,10 @@ class DiskFull(Exception):
     """There is no room; the message says how much would have been needed."""
 
 
+class Overwritten(Exception):
+    """Another program has cut the open file short, or written into it."""
+
+
 class GrowingFile:
     """Datasets that grow item by item while others read them (SWMR).
 
@@ -52,7 +56,10 @@ class GrowingFile:
         self._shapes = [dataset.shape[1:] for dataset in self._sets]
         self._handle = os.open(path, os.O_RDWR)
         self._claimed = os.fstat(self._handle).st_size
-        self._used = self._claimed
+        self._used = self._size = self._claimed
+        # what no other recording has at this place
+        self._mark = str(self._file.attrs["started_utc"]).encode()
+        self._mark_at = os.pread(self._handle, self._size, 0).find(self._mark)
         self._for_tables = min(TABLES_BYTES, max(2 * LEAST_BYTES, self._free() // SHARE))
         self._flushed = [0, 0]
         self._filtered = [dataset.id.get_create_plist().get_nfilters() > 0 for dataset in self._sets]
@@ -95,8 +102,36 @@ class GrowingFile:
         return disk.f_bavail * disk.f_frsize
 
     def _extend(self, end: int) -> None:
+        self.check_own()  # before it would hide that the file was cut short
         os.posix_fallocate(self._handle, self._claimed, end - self._claimed)
-        self._claimed = end
+        self._claimed, self._size = end, os.fstat(self._handle).st_size
+
+    def check_own(self) -> None:
+        """Raise Overwritten where the open file is no longer as it was written here."""
+        size = os.fstat(self._handle).st_size
+        found = os.pread(self._handle, len(self._mark), self._mark_at) if self._mark_at >= 0 else self._mark
+        if size < self._size or found != self._mark:
+            what = "another program has cut it short or written over it; nothing more is recorded"
+            raise Overwritten(f"{self._path}: {what}")
+
+    def elsewhere(self, ended: bool = False) -> str:
+        """What became of the file's name, and where the open file is now; "" while it has its name."""
+        own = os.fstat(self._handle)
+        try:
+            there = os.stat(self._path)
+        except (FileNotFoundError, NotADirectoryError):
+            gone = "gone"
+        except OSError:
+            return ""  # it cannot be seen, which does not say that it is not there
+        else:
+            if os.path.samestat(own, there):
+                return ""
+            gone = "another file now"
+        open_file = f"/proc/{os.getpid()}/fd/{self._handle}"
+        place = os.readlink(open_file)
+        if place.endswith(" (deleted)"):
+            place = "nowhere: it was deleted" if ended else f"{open_file} until the run ends: copy it"
+        return f"{self._path} is {gone}; what is recorded is in {place}"
 
     def append(self, index: int, item: memoryview) -> None:
         """Add an item to the dataset of that index; `item` may be used again afterwards.

@@ -54,6 +54,8 @@ class Topic(StrEnum):
     """There is room again."""
     FAILED = "failed"
     """Nothing more is written; text says why."""
+    ASTRAY = "astray"
+    """The file has no longer its name; text says where it is, "" for: it has it again."""
     CLOSED = "closed"
 
 

@@ -121,6 +121,7 @@ class Recorder(AbstractContextManager["Recorder"]):
         self._full = ""
         self._failed = ""
         self._failing = ""
+        self._astray = ""
         self._in_file: int | None = None
         self._noted = RecorderStatus()
         self._closing = False
@@ -134,6 +135,9 @@ class Recorder(AbstractContextManager["Recorder"]):
         """Whether all is kept."""
         with self._changed:
             full_s = 1e-9 * ((self._full_ns or 0) - (self._start_ns or 0))
+            if self._astray:
+                reason = "; ".join(dict.fromkeys(one for one in (self._astray, self._failed) if one))
+                return RecorderStatus(Condition.ASTRAY, self.unkept, reason)
             if self._failed:
                 return RecorderStatus(Condition.STOPPED, self.unkept, self._failed)
             if self._full_ns is not None:
@@ -270,8 +274,9 @@ class Recorder(AbstractContextManager["Recorder"]):
         self._line.abandon()
         if not self._closed and not self._failing:
             self._failing = "the process that writes has ended"
-        # only the file can say which of the last frames were flushed
-        in_file = frames_in(self._path, self._wants) if self._failing and self._line.wait(1.0) else None
+        # only the file can say which of the last frames were flushed, while it has its name
+        ask = self._failing and not self._astray and self._line.wait(1.0)
+        in_file = frames_in(self._path, self._wants) if ask else None
         with self._changed:
             self._in_file = in_file
             self._failed = self._failed or self._failing
@@ -315,6 +320,8 @@ class Recorder(AbstractContextManager["Recorder"]):
                     self._full = news.text
                 elif news.topic is Topic.ROOM:
                     self._full_ns = None
+                elif news.topic is Topic.ASTRAY:
+                    self._astray = news.text
                 elif news.topic is Topic.FAILED:
                     self._failing = news.text
                 elif news.topic is Topic.CLOSED:

@@ -146,24 +146,35 @@ class Recording(AbstractContextManager["Recording"]):
 
     @cached_property
     def grid(self) -> NodeGrid:
-        """The nodes, on the rays that they had."""
+        """The nodes, on the rays that they had; on the rig's, with a warning, where those are damaged."""
         grid = NodeGrid.of_rig(self.rig)
-        pixels = self._source.whole("rest/node_pixels")
-        if np.array_equal(pixels, np.stack(grid.mesh(), axis=-1)):
+        nominal = np.stack(grid.mesh(), axis=-1)
+        if self._source.is_whole("rest/node_pixels", nominal):
             return grid
+        if not self._source.is_whole("rest/node_pixels"):
+            self._source.leave_out_whole("rest", "node_pixels")
+            return grid
+        pixels = self._source.read("rest/node_pixels")
         return RestGrid(image_shape=grid.image_shape, period_px=grid.period_px, pixels=pixels)
 
     @cached_property
     def rest(self) -> Rest:
         """The warp of the untouched mirror that the run started from."""
+        if not self._source.is_whole("rest/node_pixels", np.stack(self.grid.mesh(), axis=-1)):
+            raise RefusedRecording(self.path, Refusal.CHANGED, part="rest/node_pixels")
         q, flags, mask = (self._source.whole(f"rest/{name}") for name in ("q", "flags", "mask"))
         display = self.rig.display
         return Rest(self.grid, q, flags, mask, (display.columns, display.rows))
 
     @property
     def steps(self) -> Image:
-        """One row per step of the loop."""
+        """One row per step of the loop, but for damaged rows."""
         return self.tables.rows("steps")
+
+    @property
+    def turns(self) -> Image:
+        """Number, time_ns and state of every step, also of damaged rows whose step was read."""
+        return self.tables.turns()
 
     @property
     def presentation_log(self) -> Image:
@@ -223,7 +234,7 @@ class Recording(AbstractContextManager["Recording"]):
     @property
     def seconds(self) -> float:
         """From the first step to the last, s of the run's clock."""
-        steps = self.steps
+        steps = self.turns
         return 1e-9 * float(steps["time_ns"][-1] - steps["time_ns"][0]) if len(steps) else 0.0
 
     @staticmethod

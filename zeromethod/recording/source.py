@@ -135,6 +135,15 @@ class RecordingFile:
             raise RefusedRecording(self.path, Refusal.CHANGED, part=name)
         return values
 
+    def is_whole(self, name: str, instead: Image | None = None) -> bool:
+        """Whether a dataset of fixed size fits its checksum; or `instead`, which is then what was written."""
+        try:
+            values = self.read(name) if instead is None else instead
+            with self._guarded(name):
+                return int(self._parts[name].attrs["checksum"]) == checksum_of(values)
+        except InputError:
+            return False
+
     def table(self, name: str) -> Image:
         """All of a dataset that grows, as it was at the last `refresh`."""
         if name not in self._tables:
@@ -236,6 +245,11 @@ class RecordingFile:
     def group(self, name: str) -> list[str]:
         """Names of the datasets right in a group."""
         return sorted(one for one in self.names if one.rpartition("/")[0] == name)
+
+    def leave_out_whole(self, group: str, name: str) -> None:
+        """Count a dataset of fixed size as left out, and warn of it once."""
+        self._leave_out(group, [self.group(group).index(f"{group}/{name}")])
+        self._warn(group, name)
 
     def _leave_out(self, group: str, indices: Sequence[int]) -> None:
         if not self._silent:

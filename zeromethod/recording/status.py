@@ -14,15 +14,16 @@ class Condition(Enum):
     DISK_FULL = auto()
     DISK_WAS_FULL = auto()
     STOPPED = auto()
+    ASTRAY = auto()
 
 
-LOST = frozenset({Condition.DISK_FULL, Condition.DISK_WAS_FULL, Condition.STOPPED})
+LOST = frozenset({Condition.DISK_FULL, Condition.DISK_WAS_FULL, Condition.STOPPED, Condition.ASTRAY})
 """Not what was asked for: a command ends with an error. (Frames lost to a slow disk are only noted.)"""
 
 
 @dataclass(frozen=True, slots=True)
 class RecorderStatus:
-    """unkept: frames whose arrays are not in the file. reason: of a full disk or a stop.
+    """unkept: frames whose arrays are not in the file. reason: of a full disk, a stop, a lost file.
 
     full_at_s: when the disk was full, s since the recording's first step.
     """
@@ -44,6 +45,7 @@ class RecorderStatus:
                 f"disk full: recording stopped at {self.full_at_s:.1f} s ({self.reason}){after}"
             ),
             Condition.STOPPED: f"recording stopped: {self.reason}{after}",
+            Condition.ASTRAY: f"{self.reason}{after}",
         }[self.condition]
 
     @property

@@ -13,6 +13,9 @@ from zeromethod.recording.peaks import peak_table
 from zeromethod.recording.schema import ANCHORS, EVENTS, STATES, AnchorMode
 from zeromethod.recording.source import RecordingFile
 
+TURNS = np.dtype([("number", "i8"), ("time_ns", "i8"), ("state", "u1")])
+"""Columns of a step that its peak's row has, too."""
+
 
 class Tables:
     """Sound rows of every table; the file's own words say what its states, events and anchors are."""
@@ -21,6 +24,7 @@ class Tables:
         self._source = source
         self._rows: dict[str, Image] = {}
         self._peaks: Image | None = None
+        self._turns: Image | None = None
         self._left_out: set[int] = set()
 
     def rows(self, name: str) -> Image:
@@ -31,6 +35,28 @@ class Tables:
                 rows = self._in_our_words(name, rows)
             self._rows[name] = rows
         return self._rows[name]
+
+    def turns(self) -> Image:
+        """Number, time_ns and state of every step; where its row is damaged, as its peak's has it."""
+        if self._turns is None:
+            found = [self.rows("steps")]
+            if not self._source.sound_rows("steps").all():
+                read = self.rows("peaks")
+                known = np.isin(read["step"], [*found[0]["number"], *self._left_out])
+                found.append(read[~known])
+            self._turns = np.empty(sum(map(len, found)), TURNS)
+            for name in TURNS.names or ():
+                own = [one["step" if name == "number" and one is not found[0] else name] for one in found]
+                self._turns[name] = np.concatenate(own)
+            self._turns.sort(order="number")
+        return self._turns
+
+    def origin_words(self) -> str:
+        """From where times count, where that is not the first step because its row is damaged; else ""."""
+        sound, turns = self._source.sound_rows("steps"), self.turns()
+        if sound[:1].all() or not len(turns):
+            return ""
+        return f"damaged: the row of the first step: times count from step {turns['number'][0]}"
 
     def presentation_log(self) -> Image:
         """Rows up to the first damaged one: other tables count them."""
@@ -49,7 +75,7 @@ class Tables:
         if self._peaks is None:
             rows = self.rows("peaks")
             rows = rows[~np.isin(rows["step"], list(self._left_out))]
-            start_ns = self.rows("steps")["time_ns"][:1]
+            start_ns = self.turns()["time_ns"][:1]
             # of a file that grows, the steps may have been read just before its first one
             self._peaks = peak_table(rows if len(start_ns) else rows[:0], start_ns)
         return self._peaks
@@ -110,7 +136,7 @@ class Tables:
         self._left_out |= steps
         # and read again: what was read in silence is warned of then
         self._rows.clear()
-        self._peaks = None
+        self._peaks = self._turns = None
         return len(self._left_out)
 
     def anchor(self, group: str, index: int) -> AnchorMode:

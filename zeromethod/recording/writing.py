@@ -15,7 +15,7 @@ import time
 from pathlib import Path
 
 from zeromethod.child_process import ignore_signals, lower_priority
-from zeromethod.recording.growing import DiskFull, GrowingFile
+from zeromethod.recording.growing import DiskFull, GrowingFile, Overwritten
 from zeromethod.recording.message import Message, News, Topic, Write, receive
 
 FLUSH_S = 0.2
@@ -33,6 +33,7 @@ class Writing:
         self._flushed_s = time.monotonic()
         self._dirty = False
         self._lacking = 0
+        self._elsewhere = ""
 
     def report(self, topic: Topic, text: str = "", time_ns: int = 0, frames: int = 0) -> None:
         """Send news to the run's process, which may have ended."""
@@ -68,17 +69,26 @@ class Writing:
                 self.report(Topic.ROOM)
 
     def flush(self) -> None:
-        """Flush if that is due."""
-        now_s = time.monotonic()
-        if self._dirty and now_s - self._flushed_s >= FLUSH_S:
+        """Flush if that is due, once it is known that the file is still ours, and where it is."""
+        if self.due_s > 0:
+            return
+        self.look()
+        if self._dirty:
             self._file.flush()
             self._dirty = False
-            self._flushed_s = time.monotonic()
+        self._flushed_s = time.monotonic()
+
+    def look(self, ended: bool = False) -> None:
+        """Report where the file is, when that changes; raises Overwritten."""
+        self._file.check_own()
+        before, self._elsewhere = self._elsewhere, self._file.elsewhere(ended)
+        if self._elsewhere != before:
+            self.report(Topic.ASTRAY, self._elsewhere)
 
     @property
-    def due_s(self) -> float | None:
-        """Until the next flush; None when nothing is to be flushed."""
-        return max(0.0, self._flushed_s + FLUSH_S - time.monotonic()) if self._dirty else None
+    def due_s(self) -> float:
+        """Until the next flush."""
+        return max(0.0, self._flushed_s + FLUSH_S - time.monotonic())
 
 
 def serve(path: Path, names: list[str], messages: int, news: int, shared: int) -> None:
@@ -93,6 +103,10 @@ def serve(path: Path, names: list[str], messages: int, news: int, shared: int) -
     except DiskFull as error:
         # earlier messages have their room
         writing.report(Topic.FAILED, f"the disk is full ({error})")
+    except (OSError, RuntimeError):
+        file.check_own()  # which may be why
+        raise
+    writing.look(ended=True)
     file.close(complete)
     writing.report(Topic.CLOSED)
 
@@ -119,8 +133,10 @@ def main() -> None:
         serve(Path(path), json.loads(names), int(messages), int(news), int(shared))
     except Exception as error:
         words = " ".join(str(error).split()) or type(error).__name__
+        topics = (Topic.ASTRAY, Topic.FAILED) if isinstance(error, Overwritten) else (Topic.FAILED,)
         try:
-            os.write(int(news), News(Topic.FAILED, words).encode())
+            for topic in topics:
+                os.write(int(news), News(topic, words).encode())
         finally:
             # HDF5 would try to write the rest again, and fail again
             os._exit(1)

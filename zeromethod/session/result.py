@@ -56,6 +56,8 @@ class RunResult:
         What went wrong with the recording; "" where all was kept, or none was asked for.
     recording_lost : bool
         Whether that was a full disk or another end of the recording before the run's.
+    recording_astray : bool
+        Whether another program moved, deleted, replaced or cut its file short.
     notes : list of str
         What the operator should know, one line each.
     dropped_refreshes : int, optional
@@ -86,6 +88,7 @@ class RunResult:
     interrupted: bool = False
     recording_trouble: str = ""
     recording_lost: bool = False
+    recording_astray: bool = False
     notes: list[str] = field(default_factory=list)
     dropped_refreshes: int | None = None
     margin: Margin | None = None

@@ -138,6 +138,7 @@ class RunRecording:
         """Close; what was lost stands in the result."""
         self.close()
         result.recording_trouble, result.recording_lost = self.trouble
+        result.recording_astray = any(status.condition is Condition.ASTRAY for status in self.ended)
 
     @property
     def trouble(self) -> tuple[str, bool]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from zeromethod.arrays import Image, Single
 from zeromethod.clock import Clock
-from zeromethod.devices.protocols import CameraLost, CameraTimeout, Frame
+from zeromethod.devices.protocols import CameraLost, CameraTimeout, Frame, gives_buffers
 from zeromethod.errors import InputError
 from zeromethod.rig.model import Rig
 from zeromethod.simulation.bump import moved_rig, moved_share
@@ -75,6 +75,7 @@ class SimulatedCamera:
         """Return the mirror as it truly is at `time_ns`."""
         return self.scenario.mirror_at(time_ns)
 
+    @gives_buffers
     def read(self, timeout_s: float) -> Frame:
         """Newest frame not yet returned, moving the clock up to `timeout_s` when there is none yet.
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from zeromethod.arrays import Float, Image, Mask
 from zeromethod.clock import Clock, HostClock
-from zeromethod.devices.protocols import CameraLost, CameraTimeout, Frame
+from zeromethod.devices.protocols import CameraLost, CameraTimeout, Frame, gives_buffers
 from zeromethod.errors import InputError
 from zeromethod.optics.camera import CameraModel
 from zeromethod.optics.layers import through_slabs
@@ -59,6 +59,7 @@ class SimulatedWatchCamera:
         self._last = -1
         self._check(clock.now_ns())
 
+    @gives_buffers
     def read(self, timeout_s: float) -> Frame:
         """Newest frame not yet returned; raises CameraTimeout or CameraLost."""
         number = self._newest()

@@ -141,7 +141,7 @@ def _maps(recording: Recording) -> tuple[list[dict[str, str]], list[str]]:
 def _pixel_maps(recording: Recording) -> list[dict[str, str]]:
     """Depth on every pixel at the largest peak of the locked mirror, where fine surfaces were kept."""
     source = MapSource(recording, fine=True)
-    kept = recording.steps[np.isin(recording.steps["number"], list(source.numbers))]
+    kept = recording.turns[np.isin(recording.turns["number"], list(source.numbers))]
     step = source.deepest(kept)
     surface = None if step is None else recording.fine(step)
     if surface is None:
@@ -154,7 +154,7 @@ def _pixel_maps(recording: Recording) -> list[dict[str, str]]:
 
 def key_steps(recording: Recording) -> dict[int, list[str]]:
     """Steps whose depth is shown, and what each is: only those whose surface was kept."""
-    steps, peaks = recording.steps, read_peaks(recording)
+    steps, peaks = recording.turns, read_peaks(recording)
     kept = steps[np.isin(steps["number"], recording.steps_with("surface"))]
     states = [recording.state_of(step) for step in kept]
     shown = [
@@ -173,6 +173,6 @@ def _without_maps(recording: Recording, maps: list[dict[str, str]]) -> Iterator[
     if "surface" not in recording.kept:
         yield "No depth maps: the surface was not kept (--keep without surface)."
     elif not maps:
-        yield "No depth maps: no surface was read."
+        yield "No depth maps: no surface was read, or the rows of its step and peak are damaged."
     elif not any(one["name"].startswith("first") for one in maps):
         yield "No surface was kept while the loop was locked."

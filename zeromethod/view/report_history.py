@@ -43,7 +43,7 @@ class Happening:
 
 def seconds(recording: Recording, rows: Any) -> Float:
     """Times of rows of a table, s from the first step."""
-    steps = recording.steps
+    steps = recording.turns
     found: Float = 1e-9 * (rows["time_ns"] - (steps["time_ns"][0] if len(steps) else 0))
     return found
 

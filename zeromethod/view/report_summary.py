@@ -116,7 +116,7 @@ def fine_figures(recording: Recording) -> Figures | None:
 def read_peaks(recording: Recording) -> Image:
     """Rows of `Recording.peaks` with a depth, and with a step: a killed writer may have lost some."""
     peaks = recording.peaks
-    found: Image = peaks[np.isfinite(peaks["depth_mm"]) & np.isin(peaks["step"], recording.steps["number"])]
+    found: Image = peaks[np.isfinite(peaks["depth_mm"]) & np.isin(peaks["step"], recording.turns["number"])]
     return found
 
 

@@ -15,7 +15,6 @@ from zeromethod.errors import InputError
 from zeromethod.loop.assembly import make_circle
 from zeromethod.loop.call import DONE
 from zeromethod.loop.circle import Circle, FrameResult
-from zeromethod.loop.frame_check import own
 from zeromethod.loop.state import State, sees_target
 from zeromethod.optics import Optics
 from zeromethod.recording.recording import Recording
@@ -196,7 +195,7 @@ def _taken(recording: Recording, circle: Circle, window: Window) -> Iterator[tup
                 raise InputError(_ends_at(recording, window, step, damage))
             for gain in gains.pop(step, ()):
                 circle.controller.set_gain(gain)
-            taken = circle.take(own(frame), bool(row["frozen"]))
+            taken = circle.take(frame, bool(row["frozen"]))
         if not referenced and sees_target(recording.state_of(row), float(row["residual_rms_px"])):
             referenced = True
             if taken is not None:
