@@ -159,7 +159,7 @@ def read_press_file(path: Path, asked: str) -> PressFileContent:
     """
     names = ", ".join(sorted(p.stem for p in resource("calibration", "presses").glob("*.toml")))
     allowed = f"a readable press file or one of {names}"
-    if not os.path.exists(path):  # noqa: PTH110 - which raises for some
+    if not os.path.exists(path):
         raise InputError(f"press: {asked}: {allowed}")
     text = read_text(path, allowed)
     if not text.strip():
