@@ -243,6 +243,8 @@ def test_opencv_writes_what_is_read(tmp_path):
         (("image_width: 512", "image_width: 0"), "not complete"),
         (("data: [", "data: [["), "not readable as YAML"),
         (("[1800.0", "[-1800.0"), "above 0"),
+        # OpenCV's reader would end the program
+        (("data: [", "data: " + "[" * 100_000), "more than 1000 brackets"),
     ],
 )
 def test_other_yaml_is_refused(change, words, tmp_path):

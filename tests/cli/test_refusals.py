@@ -66,6 +66,8 @@ REFUSALS = [
     ("check --rig calibrations/my/a", "a folder: give the file in it: calibrations/my/a/rig.toml"),
     ("run --scenario nothing", "--scenario: nothing: a press file (.toml), or one of approach, ball"),
     ("virtual-bench --scenario nothing", "--scenario: nothing: a press file (.toml), or one of approach"),
+    (f"run --scenario {300 * 'a'}", ": a press file (.toml), or one of approach, ball"),
+    (f"design {300 * 'a'}", "cannot be read: File name too long: a rig file (TOML)"),
     ("run --rig jelly.toml", 'rubber.support: "jelly": one of "bonded", "sliding", "free", or a table of'),
     ("run --gain 2", "--gain: 2: a number above 0, at most 1"),
     ("run --view --publish foo", "--publish: 'foo': not an address: tcp://HOST:PORT with a free port"),

@@ -188,7 +188,7 @@ def test_calls_over_http_act_and_are_refused_in_one_line(run):
             assert await post("gain", {"value": 0.9}) == (200, {"result": {}})
             assert await post("gain", {"value": 7}) == (400, {"error": "gain: value: 7: allowed: 0.01 to 1"})
             assert (await post("dance", {}))[1]["error"].startswith("'dance': no such method; allowed: pause")
-            assert await post("gain", "{") == (400, {"error": "the body: not JSON"})
+            assert await post("gain", "{") == (400, {"error": "not JSON: one object is wanted"})
             assert await post("pause", {}, run.view_token) == (403, {"error": "this token may only view"})
             assert await post("pause", {}, "nonsense") == (403, {"error": "no valid token"})
             values: dict[str, Any] = {"gain": None}
@@ -207,7 +207,7 @@ def test_calls_over_http_act_and_are_refused_in_one_line(run):
 def lines(port: int, *sent: str, wanted: int) -> list[dict[str, Any]]:
     """What the control socket answers to these lines, events left out."""
     with socket.create_connection(("127.0.0.1", port), 30) as plain:
-        plain.sendall("".join(f"{line}\n" for line in sent).encode())
+        plain.sendall("".join(f"{line}\n" for line in sent).encode("latin-1"))
         found: list[dict[str, Any]] = []
         with plain.makefile() as stream:
             for line in stream:
@@ -236,12 +236,59 @@ def test_the_control_socket_takes_a_token_and_then_an_object_a_line(run):
     assert answers[2] == {"id": 3, "result": {}}
     assert answers[3]["result"]["mode"] == "run"
     assert answers[4] == {"id": 5, "error": "gain: value: 'x': a number is wanted"}
-    assert answers[5] == {"id": None, "error": "not JSON: one object a line is wanted"}
+    assert answers[5] == {"id": None, "error": "not JSON: one object is wanted"}
     assert answers[6] == {"id": 6, "error": '"call" or "get" ("state", "api") is wanted'}
     wrong = {"error": "no valid token: the first line is the token"}
     assert lines(port, "nonsense", asked[0], wanted=2) == [wrong]
     only = lines(port, run.view_token, asked[0], wanted=1)
     assert only == [{"id": 1, "error": "this token may only view"}]
+
+
+NOT_TEXT = ('{"note": "\\ud800"}', "not UTF-8: surrogates not allowed")
+NOT_SENT = [
+    NOT_TEXT,
+    ('{"note": NaN}', "not JSON: one object is wanted"),
+    ("[" * 10_000, "not JSON: objects or lists too deep inside each other"),
+    ("[]", "an object is wanted"),
+    ("\xff", "not UTF-8: invalid start byte"),
+]
+
+
+@pytest.mark.parametrize(("body", "words"), NOT_SENT)
+def test_a_body_that_is_no_object_of_text_is_refused_everywhere_and_all_goes_on(run, body, words):
+    async def post() -> tuple[int, Any]:
+        async with (
+            aiohttp.ClientSession(headers={"Authorization": f"Bearer {run.token}"}) as client,
+            client.post(f"{run.base}/api/mark", data=body.encode("latin-1")) as answer,
+        ):
+            return answer.status, await answer.json()
+
+    async def closed() -> str:
+        async with viewer(run) as socket:
+            await socket.send_str(body)
+            return str((await socket.receive(30)).extra)
+
+    assert asyncio.run(post()) == (400, {"error": words})
+    if body != "\xff":
+        assert asyncio.run(closed()) == words
+    answers = lines(run.control_port, run.token, body, '{"id": 2, "call": "mark"}', wanted=2)
+    assert answers == [{"id": None, "error": words}, {"id": 2, "result": {}}]
+
+
+def test_a_name_with_half_a_character_and_a_line_without_end_are_answered(run):
+    call = '{"id": 1, "call": "mark", "arguments": {"note": "a"}}'
+    (refused,) = lines(run.control_port, run.token, call.replace("mark", "\\ud800"), wanted=1)
+    assert refused == {"id": None, "error": NOT_TEXT[1]}
+    (last,) = lines(run.control_port, run.token, "x" * 70_000, wanted=2)
+    assert last == {"error": "a line of more than 65536 bytes: the connection ends"}
+
+
+@pytest.mark.parametrize("header", [b"Host: [", b"Authorization: Bearer \xff", b"Origin: http://["])
+def test_headers_that_are_none_are_refused(run, header):
+    host = b"" if header.startswith(b"Host") else f"Host: {run.base.removeprefix('http://')}\r\n".encode()
+    with socket.create_connection(("127.0.0.1", int(run.base.rpartition(":")[2])), 30) as plain:
+        plain.sendall(b"GET /api HTTP/1.1\r\n" + host + header + b"\r\n\r\n")
+        assert int(plain.recv(12)[9:]) in {400, 403, 421}
 
 
 def test_what_happens_is_pushed_over_the_control_socket(run):

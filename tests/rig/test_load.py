@@ -55,7 +55,7 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path, name, reason):
 
 
 def test_text_that_is_not_utf8_or_not_toml_is_refused_with_its_place(tmp_path):
-    assert refusal(tmp_path, b'name = "\xff"\n') == "byte 8: not UTF-8: a rig file is UTF-8 text"
+    assert refusal(tmp_path, b'name = "\xff"\n') == "byte 8: not UTF-8: a rig file (TOML)"
     assert "line 3" in refusal(tmp_path, "schema_version = 1\n\nname = \n")
 
 

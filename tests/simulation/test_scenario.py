@@ -101,7 +101,7 @@ BACK = "[[press]]\nshape = 'ball'\nradius_mm = 3\npath = [{time_s=1,x_mm=0,y_mm=
         (BACK + "{time_s=0,x_mm=0,y_mm=0,depth_mm=0}]", "press[0].path: [1.0, 0.0]: time_s must not fall"),
         ("[[phase]]\nname = 'hold'\nfrom_s = 2\nto_s = 1", "phase[0].to_s: 1.0: above from_s"),
         ("duration_s = 'long'", 'duration_s: "long": a number above 0'),
-        ("press = [", "not TOML"),
+        ("press = [", "Invalid value (at end of document): not TOML"),
         (MAP, "press[0].file: "),
     ],
 )

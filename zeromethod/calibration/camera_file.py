@@ -16,6 +16,7 @@ from zeromethod.calibration.intrinsics import CameraFit
 from zeromethod.calibration.measurements import INTRINSICS, Intrinsics
 from zeromethod.errors import InputError
 from zeromethod.rig.model import Rig
+from zeromethod.toml_file import read_text
 
 ASSUMED_PERCENT = 0.5
 """Sigma of a camera whose file states none, of the focal length, unless the user gives another."""
@@ -25,6 +26,9 @@ _ASPECT_SHARE = 0.1
 
 _HEAD = "A camera, by `zeromethod calibrate intrinsics`; for `zeromethod calibrate --intrinsics`."
 _ALLOWED = "a file by zeromethod calibrate intrinsics, or OpenCV's or ROS's camera calibration (.yaml)"
+_MOST_BRACKETS = 1000
+"""In a .yaml. A camera has a dozen; at some 30,000 inside each other OpenCV's reader ends the program."""
+
 _SUFFIXES = (".yaml", ".yml")
 _MODELS = ("", "plumb_bob", "rational_polynomial")
 """Distortion models of ROS whose first five terms are OpenCV's."""
@@ -104,15 +108,18 @@ def read_yaml(path: Path, sigma_percent: float | None = None) -> CameraFile:
     does at the image's corner in percent of its distance from the centre. Terms of 0 are taken as exact.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_text(path, _ALLOWED)
+    except InputError as error:
+        raise InputError(f"--intrinsics: {error}") from None
+    if text.count("[") + text.count("{") > _MOST_BRACKETS:
+        raise InputError(f"--intrinsics: {path}: more than {_MOST_BRACKETS} brackets: {_ALLOWED}")
+    try:
         # ROS leaves out the header that OpenCV asks for
         head = "" if text.startswith("%YAML") else "%YAML:1.0\n---\n"
         file = cv2.FileStorage(head + text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
         matrix, lens = (_numbers(file, key) for key in ("camera_matrix", "distortion_coefficients"))
         columns, rows = (int(file.getNode(key).real()) for key in ("image_width", "image_height"))
-    except OSError as error:
-        raise InputError(f"--intrinsics: {path}: {error.strerror}: {_ALLOWED}") from None
-    except (cv2.error, SystemError, UnicodeDecodeError):
+    except (cv2.error, SystemError):
         raise InputError(f"--intrinsics: {path}: not readable as YAML: {_ALLOWED}") from None
     if len(matrix) != 9 or len(lens) < 4 or min(rows, columns) < 1 or not np.isfinite([*matrix, *lens]).all():
         raise InputError(f"--intrinsics: {path}: not complete: {_ALLOWED}")

@@ -15,7 +15,6 @@ from __future__ import annotations
 import enum
 import os
 import shutil
-import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -31,6 +30,7 @@ from zeromethod.errors import InputError
 from zeromethod.resources import resource
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.save import save_values
+from zeromethod.toml_file import parse_toml, read_text
 
 SCHEMA_VERSION = 1
 REST_MAP, RAW_SUMS = "rest_map/lcd_px", "raw/sums"
@@ -179,12 +179,7 @@ def lacks_document(rig_file: str | Path, rest_map: Path | None) -> bool:
 
 def read_document(path: Path, allowed: str) -> dict[str, Any]:
     """A TOML file that zeromethod wrote. Raises InputError, which ends with what is `allowed`, for others."""
-    try:
-        document = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror}: {allowed}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: {error}: {allowed}") from None
+    document = parse_toml(read_text(path, allowed), path, allowed)
     version = document.get("schema_version")
     if version != SCHEMA_VERSION:
         raise InputError(

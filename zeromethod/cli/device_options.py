@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import os
 import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -258,7 +259,7 @@ def checked_scenario(name: str) -> str:
     """A scenario's name; what is none is refused here, by its option, not as the bench is opened."""
     packaged = sorted(path.stem for path in resource("calibration", "presses").glob("*.toml"))
     path = Path(name)
-    if name not in packaged and not (path.is_file() and (path.suffix or path.name != name)):
+    if name not in packaged and not (os.path.isfile(path) and (path.suffix or path.name != name)):
         raise InputError(f"--scenario: {name}: a press file (.toml), or one of {', '.join(packaged)}")
     return name
 

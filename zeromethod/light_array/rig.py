@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -12,10 +11,11 @@ from pydantic import Field, model_validator
 from zeromethod.errors import InputError
 from zeromethod.optics.prism import PrismGeometry
 from zeromethod.resources import resource
-from zeromethod.rig.load import LIGHT_ARRAY_TABLES, LIGHT_ARRAYS, read_text, rig_path
+from zeromethod.rig.load import LIGHT_ARRAY_TABLES, LIGHT_ARRAYS, RIG_FILE, rig_path
 from zeromethod.rig.prism_tables import Prism
 from zeromethod.rig.refusal import refused, validated
 from zeromethod.rig.tables import Count, NotNegative, Positive, Rate, Share, Table, Text, Vector2
+from zeromethod.toml_file import parse_toml, read_text
 
 SIDE = 16
 """LEDs and detectors along each side of their arrays."""
@@ -179,7 +179,7 @@ def load_light_array(name: str | Path) -> LightArrayRig | None:
     packaged = str(name) in LIGHT_ARRAYS
     try:
         path = resource("calibration", "rigs", f"{name}.toml") if packaged else rig_path(name)
-        data = tomllib.loads(read_text(path))
-    except (InputError, tomllib.TOMLDecodeError):
+        data = parse_toml(read_text(path, RIG_FILE), path)
+    except InputError:
         return None
     return validated(LightArrayRig, data, path) if LIGHT_ARRAY_TABLES & set(data) else None

@@ -16,6 +16,15 @@ MOST_TEXT = 200
 """Characters of a text argument."""
 
 
+def _is_text(value: str) -> bool:
+    """Whether UTF-8 has all its characters; it has none for a lone surrogate."""
+    try:
+        value.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
 @dataclass(frozen=True, slots=True)
 class Quantity:
     """One argument or value. least, most: its range, None where there is no bound. default: when left out."""
@@ -37,6 +46,8 @@ class Quantity:
             raise InputError(f"{where}: a {self.type} is wanted")
         if isinstance(value, str) and len(value) > MOST_TEXT:
             raise InputError(f"{method}: {self.name}: {len(value)} characters: at most {MOST_TEXT}")
+        if isinstance(value, str) and not _is_text(value):
+            raise InputError(f"{where}: half a character, which cannot be written")
         if isinstance(value, float) and not math.isfinite(value):
             raise InputError(f"{where}: a finite number is wanted")
         below = self.least is not None and not isinstance(value, str) and value < self.least

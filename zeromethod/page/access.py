@@ -10,7 +10,7 @@ import enum
 import hmac
 import ipaddress
 import socket
-from urllib.parse import urlsplit
+from urllib.parse import SplitResult, urlsplit
 
 LOCAL_NAMES = frozenset({"localhost", "127.0.0.1", "::1"})
 
@@ -33,14 +33,14 @@ class Access:
 
     def right_of(self, token: str) -> Right:
         """What a token allows."""
-        given = token.encode()
+        given = token.encode(errors="replace")
         may_control = hmac.compare_digest(given, self._tokens[0].encode())
         may_view = hmac.compare_digest(given, self._tokens[1].encode())
         return Right.CONTROL if may_control else Right.VIEW if may_view else Right.NONE
 
     def serves_host(self, host: str | None) -> bool:
         """Whether a Host header names this machine. Any port: a tunnel may end at another one."""
-        name = urlsplit(f"//{host or ''}").hostname or ""
+        name = _parts(f"//{host or ''}").hostname or ""
         if name in self._names:
             return True
         return not self._local and _is_address(name)
@@ -50,8 +50,16 @@ class Access:
         """Whether a request comes from this page, or from no page at all."""
         if origin is None:
             return True
-        parts = urlsplit(origin)
+        parts = _parts(origin)
         return parts.scheme in {"http", "https"} and parts.netloc.lower() == (host or "").lower()
+
+
+def _parts(url: str) -> SplitResult:
+    """Parts of an URL; none where it is no URL."""
+    try:
+        return urlsplit(url)
+    except ValueError:
+        return SplitResult("", "", "", "", "")
 
 
 def _is_address(name: str) -> bool:

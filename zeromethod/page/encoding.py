@@ -130,6 +130,6 @@ def packed(header: dict[str, Any], parts: dict[str, tuple[dict[str, Any], bytes]
         gap = -len(raw) % _ALIGNED
         data += [raw, b"\0" * gap]
         start += len(raw) + gap
-    text = json.dumps(header | {"parts": described}, allow_nan=False, ensure_ascii=False).encode()
+    text = json.dumps(header | {"parts": described}, allow_nan=False).encode()
     text += b" " * (-(len(text) + 4) % _ALIGNED)
     return b"".join((struct.pack("<I", len(text)), text, *data))

@@ -14,6 +14,7 @@ from aiohttp import web
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.page.access import Access, Right
 from zeromethod.page.hub import Hub
+from zeromethod.page.message import asked_of
 from zeromethod.page.viewers import Viewer
 
 HUB: web.AppKey[Hub] = web.AppKey("hub", Hub)
@@ -121,7 +122,7 @@ def _needs(request: web.Request, right: Right) -> Hub:
 
 def _json(value: Any, status: int = 200) -> web.Response:
     return web.Response(
-        text=json.dumps(value, allow_nan=False, ensure_ascii=False) + "\n",
+        text=json.dumps(value, allow_nan=False) + "\n",
         content_type="application/json",
         status=status,
         headers={"Cache-Control": "no-store"},
@@ -138,14 +139,10 @@ async def _state(request: web.Request) -> web.Response:
 
 async def _call(request: web.Request) -> web.Response:
     hub = _needs(request, Right.CONTROL)
-    text = await request.text()
+    body = await request.read()
     try:
-        arguments = json.loads(text) if text.strip() else {}
-        if not isinstance(arguments, dict):
-            raise InputError("the body: an object is wanted")
+        arguments = asked_of(body) if body.strip() else {}
         result = await hub.call(request.match_info["method"], arguments, "http")
-    except ValueError:
-        return _json({"error": "the body: not JSON"}, 400)
     except (InputError, MeasurementError) as error:
         return _json({"error": str(error)}, 400)
     return _json({"result": result})

@@ -19,6 +19,7 @@ from typing import Any
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.page.access import Access, Right
 from zeromethod.page.hub import Hub
+from zeromethod.page.message import asked_of
 
 TOKEN_S = 10.0
 """How long the first line may take."""
@@ -54,8 +55,13 @@ class LineClient:
             events = asyncio.create_task(self._push())
             while line := await self._reader.readline():
                 await self._send(await self._answer(line))
-        except (TimeoutError, ConnectionError, ValueError):
-            pass  # silent at first, gone, not reading, or a line without end
+        except ValueError:  # what is left of the line would pass for others
+            await self._last({"error": f"a line of more than {MOST_LINE_BYTES} bytes: the connection ends"})
+        except TimeoutError:
+            if not self._stalled:
+                await self._last({"error": f"no token within {TOKEN_S:g} s: the first line is the token"})
+        except ConnectionError:
+            pass  # it has left
         finally:
             if events is not None:
                 events.cancel()
@@ -64,18 +70,19 @@ class LineClient:
 
     _stalled = False
 
+    async def _last(self, value: dict[str, Any]) -> None:
+        """Send why the connection ends, to a client that may have left."""
+        with contextlib.suppress(TimeoutError, ConnectionError):
+            await self._send(value)
+
     async def _answer(self, line: bytes) -> dict[str, Any]:
         number: Any = None
         try:
-            asked = json.loads(line)
-            if not isinstance(asked, dict):
-                raise InputError("an object is wanted")
+            asked = asked_of(line)
             number = asked.get("id")
             return {"id": number, "result": await self._result(asked)}
         except (InputError, MeasurementError) as error:
             return {"id": number, "error": str(error)}
-        except ValueError:
-            return {"id": number, "error": "not JSON: one object a line is wanted"}
 
     async def _result(self, asked: dict[str, Any]) -> Any:
         if "call" in asked:
@@ -106,7 +113,7 @@ class LineClient:
         self._writer.close()
 
     async def _send(self, value: dict[str, Any]) -> None:
-        text = json.dumps(value, allow_nan=False, ensure_ascii=False) + "\n"
+        text = json.dumps(value, allow_nan=False) + "\n"
         async with self._turn:
             self._writer.write(text.encode())
             try:

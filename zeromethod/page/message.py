@@ -6,12 +6,15 @@ From the server: lines of JSON, an object each, by its member "kind".
 
 from __future__ import annotations
 
+import json
 import time
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from zeromethod.errors import InputError
 
 SETTING, CONTENT, SAID, ANSWER, DRAWING = "setting", "content", "said", "answer", "drawing"
 """To the server: `Setting`, first of all; (parts, `Content`); a `Said`; (number of a call, answer, error);
@@ -68,6 +71,23 @@ class Content:
     stages: dict[str, float] = field(default_factory=dict)
     arrays: dict[str, dict[str, NDArray[Any]]] = field(default_factory=dict)
     meta: dict[str, dict[str, Any]] = field(default_factory=dict)
+
+
+def asked_of(text: bytes | str) -> dict[str, Any]:
+    """Object that a client asks by. Raises InputError, one line, for what is none, or cannot be sent on."""
+    try:
+        asked = json.loads(text if isinstance(text, str) else text.decode())
+        # neither what JSON has not (NaN) nor halves of characters ("\\ud800")
+        json.dumps(asked, allow_nan=False, ensure_ascii=False).encode()
+    except RecursionError:
+        raise InputError("not JSON: objects or lists too deep inside each other") from None
+    except (UnicodeDecodeError, UnicodeEncodeError) as error:
+        raise InputError(f"not UTF-8: {error.reason}") from None
+    except ValueError:
+        raise InputError("not JSON: one object is wanted") from None
+    if not isinstance(asked, dict):
+        raise InputError("an object is wanted")
+    return asked
 
 
 def unix_ms() -> float:

@@ -18,7 +18,7 @@ from zeromethod.errors import InputError, MeasurementError
 from zeromethod.page.access import Right
 from zeromethod.page.encoding import packed
 from zeromethod.page.hub import Hub
-from zeromethod.page.message import PARTS, content_parts, unix_ms
+from zeromethod.page.message import PARTS, asked_of, content_parts, unix_ms
 
 PATIENCE_S = 10.0
 """How long a viewer may leave what was sent to it unread."""
@@ -126,12 +126,7 @@ class Viewer:
                 return
 
     async def _take(self, text: str) -> None:
-        try:
-            asked = json.loads(text)
-        except ValueError:
-            raise InputError("not JSON") from None
-        if not isinstance(asked, dict):
-            raise InputError("not an object")
+        asked = asked_of(text)
         if "next" in asked:
             names = asked["next"] if isinstance(asked["next"], list) else []
             self._wanted = frozenset(str(name) for name in names) & frozenset(PARTS)
@@ -224,7 +219,7 @@ class Viewer:
                 await asyncio.gather(ping, return_exceptions=True)
 
     async def _send_text(self, value: dict[str, Any]) -> None:
-        await self._within(self._socket.send_str(json.dumps(value, allow_nan=False, ensure_ascii=False)))
+        await self._within(self._socket.send_str(json.dumps(value, allow_nan=False)))
 
     @staticmethod
     async def _within(sending: Any) -> None:

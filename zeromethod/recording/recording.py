@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import tempfile
-import tomllib
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from functools import cached_property
@@ -34,6 +33,7 @@ from zeromethod.rig.load import parse_rig
 from zeromethod.rig.model import Rig
 from zeromethod.sensing.residual import Residual
 from zeromethod.surface import Surface
+from zeromethod.toml_file import parse_toml
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.rest import Rest
 from zeromethod.warp.rest_pixels import RestGrid
@@ -89,7 +89,7 @@ class Recording(AbstractContextManager["Recording"]):
     def __repr__(self) -> str:
         frames = int(np.count_nonzero(self.steps["frame_number"] >= 0))
         end = "complete" if self.complete else "cut off, or still being written"
-        rig = tomllib.loads(self.rig_text).get("name", "")
+        rig = parse_toml(self.rig_text, self.path).get("name", "")
         return f"<Recording {self.path}: {self.seconds:.1f} s, {frames} frames, rig {rig}, {end}>"
 
     def close(self) -> None:

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 
 from zeromethod.errors import InputError, check_type
 from zeromethod.resources import resource
 from zeromethod.rig.model import Rig
 from zeromethod.rig.refusal import shown
+from zeromethod.toml_file import parse_toml, read_text
 
 LIGHT_ARRAYS = ("leds",)
 """Packaged rigs of LED and photodetector arrays, which have no camera and a schema of their own."""
 
 LIGHT_ARRAY_TABLES = frozenset({"leds", "detectors", "arrays"})
 """Tables that no rig with a camera has: one of them makes a file a rig of arrays."""
+
+RIG_FILE = "a rig file (TOML)"
+"""What is allowed, where a file is refused."""
 
 _ARRAYS_ONLY = "arrays of LEDs and photodetectors have no camera: only `run` and `replay` take them"
 
@@ -29,9 +32,12 @@ def rig_path(name: str | Path) -> Path:
     """Find the packaged file of a bare name (no folder, no suffix), else take the path as it is."""
     check_type("rig", name, str | Path, f"a file, or one of the packaged {', '.join(packaged_rigs())}")
     path = Path(name)
-    if path.is_dir():
-        raise InputError(f"rig: {shown(str(name))}: a folder: {_rig_in(path)}")
-    if path.suffix or path.parent != Path() or path.is_file():
+    try:
+        if path.is_dir():
+            raise InputError(f"rig: {shown(str(name))}: a folder: {_rig_in(path)}")
+        if path.suffix or path.parent != Path() or path.is_file():
+            return path
+    except OSError:  # who reads it is told why
         return path
     if str(name) in LIGHT_ARRAYS:
         raise InputError(f"rig: {shown(str(name))}: {_ARRAYS_ONLY}")
@@ -48,26 +54,13 @@ def _rig_in(folder: Path) -> str:
     return f"give the file in it: {found[0]}" if found else "give a rig file (TOML)"
 
 
-def read_text(path: Path) -> str:
-    """Text of a rig file, line ends as they are. Raises InputError where it cannot be read."""
-    try:
-        return path.read_bytes().decode("utf-8")
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: byte {error.start}: not UTF-8: a rig file is UTF-8 text") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}: a rig file (TOML)") from None
-
-
 def parse_rig(text: str, path: Path, *, measured: bool = True) -> Rig:
     """Rig from the text of a rig file; `path` names it in messages and is where its files lie.
 
     measured: see `load_rig`.
     Raises InputError, one line "file: key: value: what is allowed", for the first thing wrong.
     """
-    try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path}: {error}: not TOML") from None
+    data = parse_toml(text, path)
     if found := sorted(LIGHT_ARRAY_TABLES & set(data), reverse=True):
         raise InputError(f"{path}: [{found[0]}]: {_ARRAYS_ONLY}")
     return Rig.checked(data, path, path.parent, measured=measured)
@@ -97,4 +90,4 @@ def load_rig(name: str | Path, *, measured: bool = True) -> Rig:
         One line "file: key: value: what is allowed", for the first thing wrong.
     """
     path = rig_path(name)
-    return parse_rig(read_text(path), path, measured=measured)
+    return parse_rig(read_text(path, RIG_FILE), path, measured=measured)

@@ -14,8 +14,9 @@ from tomlkit.items import AoT, Item, Key, Table
 from zeromethod.atomic_write import atomic_write
 from zeromethod.errors import InputError
 from zeromethod.rig.keys import set_value
-from zeromethod.rig.load import parse_rig, read_text
+from zeromethod.rig.load import RIG_FILE, parse_rig
 from zeromethod.rig.refusal import shown
+from zeromethod.toml_file import parse_toml, read_text
 
 
 def save_values(path: Path, values: Mapping[str, Any], destination: Path | None = None) -> None:
@@ -31,8 +32,10 @@ def save_values(path: Path, values: Mapping[str, Any], destination: Path | None 
         `path` is not a rig file, a key leads nowhere, a value is not allowed, or the file cannot be written.
     """
     target = destination or path
+    text = read_text(path, RIG_FILE)
+    parse_toml(text, path)
     try:
-        document = tomlkit.parse(read_text(path))
+        document = tomlkit.parse(text)
     except TOMLKitError as error:
         raise InputError(f"{path}: {error}: not TOML") from None
     ends = _take_ends(document)

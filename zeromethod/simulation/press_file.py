@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import tomllib
+import os
 from pathlib import Path
 from typing import Annotated, Literal, NamedTuple
 
@@ -18,6 +18,7 @@ from zeromethod.simulation.contact.path import ObjectPath
 from zeromethod.simulation.object_file import ObjectTable
 from zeromethod.simulation.path import PathPoint, PressPath
 from zeromethod.simulation.press import Dent, Shape
+from zeromethod.toml_file import parse_toml, read_text
 
 MAP_LIMIT = 4096
 """Most samples of a height map on a side."""
@@ -156,19 +157,17 @@ def read_press_file(path: Path, asked: str) -> PressFileContent:
 
     Raises InputError with one line.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        names = ", ".join(sorted(p.stem for p in resource("calibration", "presses").glob("*.toml")))
-        raise InputError(f"press: {asked}: a readable press file or one of {names}") from error
+    names = ", ".join(sorted(p.stem for p in resource("calibration", "presses").glob("*.toml")))
+    allowed = f"a readable press file or one of {names}"
+    if not os.path.exists(path):
+        raise InputError(f"press: {asked}: {allowed}")
+    text = read_text(path, allowed)
     if not text.strip():
         raise InputError(
             f"{path}: empty: allowed: duration_s, [[press]], [[object]], [[phase]] (none.toml: no press)"
         )
     try:
-        file = PressFile.model_validate(tomllib.loads(text))
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path}: not TOML: {error}") from error
+        file = PressFile.model_validate(parse_toml(text, path))
     except ValidationError as error:
         raise InputError(f"{path}: {first_refusal(error, PressFile)}") from error
     presses = tuple(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,6 +18,7 @@ from zeromethod.rig.refusal import shown, validated
 from zeromethod.rig.tables import Count, Positive, Table, Text
 from zeromethod.study.axes import DRAW_WORDS, RANGE_WORDS, axis_values, draw, run_seed
 from zeromethod.study.task import LIMIT_S
+from zeromethod.toml_file import parse_toml, read_text
 
 SCHEMA_VERSION = 1
 MOST_RUNS = 1_000_000
@@ -158,24 +158,12 @@ def load_study(name: str | Path) -> Study:
             known = ", ".join(packaged_studies())
             raise InputError(f"FILE: {name}: a study file (.toml), or one of the packaged {known}")
         path = resource("studies", f"{name}.toml")
-    return parse_study(_text(path), path)
-
-
-def _text(path: Path) -> str:
-    try:
-        return path.read_bytes().decode("utf-8")
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: byte {error.start}: not UTF-8: a study file is UTF-8 text") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}: a study file (TOML)") from None
+    return parse_study(read_text(path, "a study file (TOML)"), path)
 
 
 def parse_study(text: str, path: Path) -> Study:
     """Study from the text of its file; `path` names it in messages, and files lie relative to it."""
-    try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path}: {error}: not TOML") from None
+    data = parse_toml(text, path)
     version = data.get("schema_version")
     if type(version) is not int or version != SCHEMA_VERSION:
         value = shown(version) if version is not None else "missing"

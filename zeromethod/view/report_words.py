@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import shlex
-import tomllib
 from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -20,6 +19,7 @@ from zeromethod.recording.recording import Recording
 from zeromethod.recording.schema import KEEP
 from zeromethod.rig.model import Rig
 from zeromethod.surface import Where
+from zeromethod.toml_file import parse_toml
 from zeromethod.view import calibration_table
 from zeromethod.view.report_history import Happening, seconds
 from zeromethod.view.report_summary import Figures
@@ -209,7 +209,7 @@ def calibration_parts(recording: Recording) -> dict[str, Any]:
 
 
 def _calibrated(recording: Recording) -> dict[str, Any]:
-    stored = Stored(Path(), tomllib.loads(recording.calibration))
+    stored = Stored(Path(), parse_toml(recording.calibration, recording.path))
     days = stored.age_days(datetime.fromisoformat(recording.started_utc).astimezone(UTC))
     old = f", more than {OLD_DAYS:.0f}" if days > OLD_DAYS else ""
     parameters = calibration_table.parameter_table(stored)

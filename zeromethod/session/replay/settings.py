@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Sequence
 from typing import Any
 
 from zeromethod.errors import InputError
 from zeromethod.rig.model import Rig, replaced
+from zeromethod.toml_file import parse_toml
 
 
 def with_settings(rig: Rig, settings: Sequence[str]) -> Rig:
@@ -27,6 +27,6 @@ def with_settings(rig: Rig, settings: Sequence[str]) -> Rig:
 
 def _value(text: str) -> Any:
     try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+        return parse_toml(f"value = {text}", "--set")["value"]
+    except InputError:
         return text
