@@ -97,4 +97,7 @@ def compare(names: list[str]) -> int:
 
 if __name__ == "__main__":
     arguments = sys.argv[1:]
-    sys.exit(make_baseline() if arguments == ["--baseline"] else compare(arguments or NAMES))
+    try:
+        sys.exit(make_baseline() if arguments == ["--baseline"] else compare(arguments or NAMES))
+    except subprocess.CalledProcessError as error:
+        sys.exit(f"golden: {' '.join(error.cmd)}: exit code {error.returncode}")

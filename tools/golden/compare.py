@@ -16,6 +16,7 @@ WALL_CLOCK = {
     "draw_ms": "time of this processor",
     "read_ms": "time of this processor",
     "computing_hz": "from loop_ms",
+    "checksums": "of a recording's rows, with the times in them",
     "versions.zeromethod": "which of both it is",
 }
 """Names, by their end or a part of it, that differ from run to run, and why."""
@@ -59,7 +60,7 @@ def apart(before: Array, after: Array) -> tuple[float, float, str]:
         words = f"{lost} of {old.size} finite in one only"
     most = float(np.abs(new - old).max(where=known, initial=0.0))
     size = float(np.abs(old).max(where=known, initial=0.0))
-    return most, most / size if size else float("inf") * bool(most), words
+    return most, most / (size or most or 1.0), words
 
 
 def differences(before: Table, after: Table, renames: Mapping[str, str] | None = None) -> Iterator[str]:

@@ -14,6 +14,7 @@ from typing import Any
 from unittest import mock
 
 import h5py
+import numpy as np
 
 import zeromethod as zm
 from tools.golden.table import Table, add, save
@@ -43,16 +44,31 @@ def rig_of(scenario: dict[str, Any]) -> zm.Rig:
 
 
 def of_session(scenario: dict[str, Any]) -> Table:
-    """Steps, records and summary of a run on the bench, in simulated time."""
+    """Steps, records and summary of a run on the bench, in simulated time; its recording, where asked for."""
     table: Table = {}
-    with zm.Session(rig_of(scenario), fine=scenario.get("fine", False)) as session:
+    record = Path("run.h5") if scenario.get("record") else None
+    with zm.Session(rig_of(scenario), fine=scenario.get("fine", False), record=record) as session:
         for frame, step in enumerate(session.run(frames=scenario.get("frames"))):
             add(table, frame, step)
         add(table, 0, session.loop.ended, "ended")
-        for frame, record in enumerate(session.result.records):
-            add(table, frame, record, "record")
+        for frame, figures in enumerate(session.result.records):
+            add(table, frame, figures, "record")
         add(table, 0, session.figures, "summary")
+    if record is not None:
+        with h5py.File(record) as file:
+            for name, data in every_dataset(file):
+                for row, value in enumerate(data if data.ndim else [data]):
+                    add(table, row, value, f"file.{name.replace('/', '.')}")
     return table
+
+
+def every_dataset(file: h5py.File) -> list[tuple[str, Any]]:
+    """Names and contents of all datasets of a file."""
+    found: list[tuple[str, Any]] = []
+    file.visititems(
+        lambda name, item: found.append((name, np.asarray(item[()]))) if hasattr(item, "dtype") else None
+    )
+    return found
 
 
 def of_arrays(scenario: dict[str, Any]) -> Table:
@@ -75,16 +91,15 @@ def unpacked(name: str) -> Path:
 
 
 @contextmanager
-def heard(part: type[Any], table: Table, kind: str) -> Iterator[None]:
-    """Within this context, whatever a replay hands to `part` to be compared is taken into the table."""
+def heard(part: type[Any], table: Table, *names: str) -> Iterator[None]:
+    """Within this context, what a replay hands to `part` to be compared is taken into the table by names."""
     own = part.add
 
-    def told(self: Any, first: Any, *others: Any) -> None:
-        frame = int(first if isinstance(first, int) else first["number"])
-        for at, value in enumerate(others):
-            what = value.commanded if hasattr(value, "commanded") else value
-            add(table, frame, what, f"{kind}.{type(value).__name__}[{at}]")
-        own(self, first, *others)
+    def told(self: Any, of: Any, *values: Any) -> None:
+        frame = int(of if isinstance(of, int) else of["number"])
+        for name, value in zip(names, values, strict=True):
+            add(table, frame, value.commanded if hasattr(value, "commanded") else value, name)
+        own(self, of, *values)
 
     with mock.patch.object(part, "add", told):
         yield
@@ -92,16 +107,18 @@ def heard(part: type[Any], table: Table, kind: str) -> Iterator[None]:
 
 def of_recording(scenario: dict[str, Any]) -> Table:
     """Everything that the replays of a recording give: from its warps, and from its frames."""
-    table: Table = {}
+    whole: Table = {}
     with zm.open_recording(unpacked(scenario["recording"])) as recording:
         for mode in ("from-warps", "from-frames"):
+            table: Table = {}
             with (
-                heard(differences.DepthDifferences, table, f"{mode}.depth"),
-                heard(from_frames.WarpDifferences, table, f"{mode}.warps"),
-                heard(fine.FineDifferences, table, f"{mode}.fine"),
+                heard(differences.DepthDifferences, table, "surface", "peak"),
+                heard(from_frames.WarpDifferences, table, "taken", "measured", "commanded"),
+                heard(fine.FineDifferences, table, "fine"),
             ):
-                add(table, 0, zm.replay(recording, mode), f"{mode}.figures")
-    return table
+                add(table, 0, zm.replay(recording, mode), "figures")
+            whole |= {f"{mode}.{name}": frames for name, frames in table.items()}
+    return whole
 
 
 def of_recorded_arrays(scenario: dict[str, Any]) -> Table:

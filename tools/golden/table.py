@@ -28,7 +28,8 @@ def walk(value: Any, name: str) -> Iterator[tuple[str, Array]]:
     """
     value = _plain(value)
     if isinstance(value, (np.ndarray, np.generic, *SINGLE)):
-        yield name, np.array(value)
+        array = np.array(value)
+        yield name, array.astype(array.dtype.str, copy=False)  # without what HDF5 notes at a type
     elif isinstance(value, Mapping):
         for key, item in value.items():
             yield from walk(item, f"{name}.{key}" if name else str(key))
