@@ -2,7 +2,10 @@
 # make rehearse  set up, then run the real bench's code in real time on monitors that exist only in memory
 # make test  set up, then run the tests
 # make test-long  calibrations of whole benches and a run, in real time and pixel by pixel, some seven minutes
-# make lint  format, lint, types, import layers, docstrings of the public API
+# make lint  format, lint, types, import layers, docstrings of the public API, size of the rooms
+# make size  tokens, fixed numbers and compiled functions of every room
+# make golden  play the golden scenarios and print what differs from the baseline, bit for bit: under ten minutes on two cores
+# make golden-baseline  make that baseline on this machine, once per baseline commit: up to 25 minutes
 # make bench speed and accuracy against peers (ratios of the same run), sigma, steps, long holds, gains,
 #            faults, live path, calibration, decoding, still images, contacts, every pixel, the page: ~90 minutes
 # Everything lives in .venv; system packages that are missing (EGL, Mesa; Xorg for the tests) are installed first.
@@ -11,7 +14,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: run rehearse test test-long lint bench clean
+.PHONY: run rehearse test test-long lint size golden golden-baseline bench clean
 .DEFAULT_GOAL := run
 
 run: $(VENV)/.run-ready
@@ -33,6 +36,16 @@ lint: $(VENV)/.dev-ready
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python tools/check_api_docs.py
+	$(BIN)/python tools/size.py --check
+
+size: $(VENV)/.run-ready
+	@$(BIN)/python tools/size.py
+
+golden: $(VENV)/.run-ready
+	@$(BIN)/python -m tools.golden $(ARGS)
+
+golden-baseline: $(VENV)/.run-ready
+	@$(BIN)/python -m tools.golden --baseline
 
 bench: $(VENV)/.run-ready
 	@mkdir -p out
