@@ -28,7 +28,7 @@ from benchmarks.honesty import deviation
 from benchmarks.report import Figure, Report, benchmark, figure, start
 from benchmarks.rigs import VIEW_MIDDLE_MM, changed, small_rig
 from benchmarks.salt import generator, salt_option, seed
-from benchmarks.totals import SIGMAS
+from benchmarks.totals import SIGMAS, few_beyond
 from zeromethod.cli.numbers import Whole
 from zeromethod.devices.opening import open_devices
 from zeromethod.loop.state import NULLED, State
@@ -268,7 +268,6 @@ def summarise(outcomes: Sequence[Outcome], covers: Sequence[Covered]) -> Report:
         and SIGMAS * one.sigma_percent < PERCENT
     ]
     ratios = [one.peak_sigmas for one in outcomes if one.peak_sigmas is not None]
-    far, most = sum(one > SIGMAS for one in ratios), max(round(0.015 * len(ratios)), 1)
     within = sum(one < PERCENT for one in known)
     figures = [
         figure("scenes that can be nulled: nulled for good within 1 s", nulled, least=0.97, of_other=True),
@@ -281,7 +280,7 @@ def summarise(outcomes: Sequence[Outcome], covers: Sequence[Covered]) -> Report:
             "all",
             within == len(known),
         ),
-        Figure("measured peaks beyond 3 sigma", f"{far} of {len(ratios)}", f"<= {most}", far <= most),
+        few_beyond("measured peaks", ratios),
         *_cover_figures(covers),
     ]
     details = [["scene", "runs", "can be nulled", "nulled", "frames, median", "most", "wrong", "largest z"]]

@@ -62,7 +62,7 @@ SEED = 2
 
 DEEPEST_MM, MOST_OF_FOLD = 0.3, 0.4
 FAR_SIGMAS = 3.0
-Z_RMS, MOST_SIGMA, MOST_FAR = (0.8, 1.25), 1.25, 0.015
+Z_RMS, MOST_FAR = (0.8, 1.25), 0.015
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from benchmarks.peaks import LEVER_MM, RING_CURVATURE, middle_of_the_view
 from benchmarks.report import Figure, Report, benchmark, figure, start
 from benchmarks.rigs import VIEW_MIDDLE_MM, changed
 from benchmarks.salt import generator, salt_option, seed
-from benchmarks.totals import SIGMAS, estimate, ratio
+from benchmarks.totals import SIGMAS, estimate, few_beyond, ratio
 from zeromethod.arrays import Float, Mask
 from zeromethod.cli.numbers import Whole
 from zeromethod.devices.opening import open_devices
@@ -135,8 +135,6 @@ def summarise(outcomes: Sequence[Outcome]) -> Report:
     beyond = estimate(ratio, [one.beyond for one in outcomes], [one.nodes for one in outcomes])
     locked = [one for one in outcomes if one.locked]
     percent = [abs(one.peak_percent) for one in locked]
-    far = sum(one.peak_sigmas > SIGMAS for one in locked)
-    most = max(round(0.015 * len(locked)), 1)
     residual = [one.residual for one in outcomes if np.isfinite(one.residual)]
     within = sum(one < PERCENT for one in percent)
     figures = [
@@ -145,7 +143,7 @@ def summarise(outcomes: Sequence[Outcome]) -> Report:
         figure("locked at the end", len(locked), least=0.97, of_other=True),
         Figure("presses; pixels read", f"{len(outcomes)}; {placed}"),
         Figure("of these, peak within 1 %", f"{within} of {len(locked)}", "all", within == len(locked)),
-        Figure("of these, peak beyond 3 sigma", f"{far} of {len(locked)}", f"<= {most}", far <= most),
+        few_beyond("of these, peaks", [one.peak_sigmas for one in locked]),
         Figure(
             "residual of other nodes during a burst over before, largest",
             f"{max(residual):.2f}" if residual else "no burst",

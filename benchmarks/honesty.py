@@ -43,7 +43,7 @@ from benchmarks.parts import Parts, part_options
 from benchmarks.report import Figure, Report, benchmark, figure, start
 from benchmarks.rigs import changed, coarser
 from benchmarks.salt import generator, salt_option, seed
-from benchmarks.totals import SIGMAS, Frame, estimate, frame_of, node_figures, rate, ratio, rms
+from benchmarks.totals import SIGMAS, Frame, estimate, few_beyond, frame_of, node_figures, rate, ratio, rms
 from zeromethod.calibration import build, describe
 from zeromethod.calibration.parameters import Priors
 from zeromethod.cli.numbers import Whole
@@ -350,8 +350,7 @@ def summarise(outcomes: Sequence[Outcome]) -> Report:
     drawable = [(one.good, one.read) for one in fair if one.kind != BEYOND]
     good, read = np.sum(drawable, axis=0) if drawable else (0, 0)
     frames = estimate(ratio, [one.called for one in fair], [one.frames for one in fair])
-    beyond, far = int(np.sum(z > SIGMAS)), int(np.sum(z > FAR_SIGMAS))
-    most = max(round(0.015 * len(z)), 1)
+    far = int(np.sum(z > FAR_SIGMAS))
     figures = [
         *(
             [figure("faults of effect over 3 sigma, called good 10 frames on", len(missed), most=0)]
@@ -362,9 +361,12 @@ def summarise(outcomes: Sequence[Outcome]) -> Report:
         figure("honest presses called good at the end", *rate(good, len(drawable)), unit="%", least=0.95),
         figure("frames of honest presses called good", *frames, unit="%", least=0.98, of_other=True),
         Figure("the same once coded pictures have read what none nulls", f"{read} of {len(drawable)}"),
-        Figure("honest peaks beyond 3 sigma", f"{beyond} of {len(z)}", f"<= {most}", beyond <= most),
+        few_beyond("honest peaks", z),
         Figure("honest peaks beyond 5 sigma", f"{far}", "0", far == 0),
-        *(_early(fair, state.value) for state in sorted(EARLY)),
+        *(
+            few_beyond(f"peaks while {state}", [z for one in fair for z in one.early.get(state, ())])
+            for state in sorted(one.value for one in EARLY)
+        ),
         *node_figures([one.nodes for one in outcomes], [one.nodes for one in fair]),
         figure(
             "honest peaks: median stated sigma over rms error",
@@ -389,15 +391,6 @@ def summarise(outcomes: Sequence[Outcome]) -> Report:
         )
     data = {"runs": [asdict(one) for one in outcomes]}
     return Report("Whether a wrong number is called good", figures, details, data)
-
-
-def _early(runs: Sequence[Outcome], state: str) -> Figure:
-    """Honest peaks beyond 3 sigma while the picture is not yet nulled, or while nothing presses."""
-    ratios = np.array([ratio for one in runs for ratio in one.early.get(state, ())])
-    beyond, most = int(np.sum(ratios > SIGMAS)), max(round(0.015 * len(ratios)), 1)
-    return Figure(
-        f"peaks while {state}, beyond 3 sigma", f"{beyond} of {len(ratios)}", f"<= {most}", beyond <= most
-    )
 
 
 @benchmark(

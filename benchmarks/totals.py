@@ -52,6 +52,13 @@ def ratio(parts: Float, wholes: Float) -> float:
     return float(np.sum(parts) / max(np.sum(wholes), 1e-300))
 
 
+def few_beyond(name: str, ratios: ArrayLike) -> Figure:
+    """How many errors are beyond `SIGMAS`: at most 1.5 %, or one, of those that should be 0.3 %."""
+    beyond, of = int(np.sum(np.abs(ratios) > SIGMAS)), np.size(ratios)
+    most = max(round(0.015 * of), 1)
+    return Figure(f"{name} beyond 3 sigma", f"{beyond} of {of}", f"<= {most}", beyond <= most)
+
+
 def frame_of(error_mm: Float, sigma_mm: Float, *, pressed: bool) -> Frame:
     """What counts of a frame's nodes called good."""
     z = error_mm / sigma_mm
