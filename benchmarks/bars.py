@@ -67,7 +67,7 @@ ROWS = (
     Row("rubbing", "rubbing", 0),
     Row("fabrics", "rubbing --part fabrics --quick", 0),
     Row("pointers", "interactive --touches 200", 0),
-    Row("approach", "contactless --approaches 100 --minutes 60 --touches 0", 0),
+    Row("approach", "contactless --approaches 100 --minutes 60", 0),
     Row("lightings", "lightings --quick --no-sweep", 0, salted=False),
     Row("LEDs", "leds --part bars", 0, alone=True),
     Row("peers", "against_peers --part loop", 0, salted=False, alone=True),
@@ -85,7 +85,7 @@ def run(row: Row, folder: Path, salt: str, most: int | None) -> str:
     if most is not None:
         words = re.sub(r"\b\d+\b", lambda count: str(min(int(count[0]), most)), words)
         words += "" if words != row.words or "--quick" in words else " --quick"
-    click.echo(f"{row.name}: python -m benchmarks.{words}")
+    click.echo(f"{row.name}, {row.minutes:g} min of a core: python -m benchmarks.{words}")
     began_s = time.monotonic()
     command = [sys.executable, "-m", *f"benchmarks.{words} --summary".split(), str(part)]
     command += ["--held-out", salt] if row.salted else []
@@ -124,7 +124,7 @@ def judged(row: Row, folder: Path, why: str, others: Sequence[Json]) -> list[Jso
             other = next((o for o in others if (o["row"], o["name"]) == (row.name, figure["name"])), None)
             found.append({"row": row.name, **figure, "verdict": verdict(figure, other)})
     nothing = {"name": "", "value": "", "bar": "", "number": None}
-    why = why or ("no figure with a bar" if file.exists() else "left out by --only")
+    why = why or "no figure with a bar"
     return found or [{"row": row.name, **nothing, "verdict": f"not run: {why}"}]
 
 
@@ -134,6 +134,18 @@ def _salt(_context: click.Context, _option: click.Parameter, salt: str) -> str:
             f"--salt: {salt!r}: up to 64 letters, digits, '-', '_' and '.', a letter or digit first"
         )
     return salt
+
+
+def _others(file: Path, salt: str, most: int | None) -> list[Json]:
+    """Figures of another version's table, in the same scenes."""
+    try:
+        table = json.loads(file.read_text())
+        scenes, rows = (table["salt"], table["most_scenes"]), list(table["rows"])
+    except (ValueError, KeyError, TypeError):
+        raise InputError(f"--against: {file}: not a table of this command") from None
+    if scenes != (salt, most):
+        raise InputError(f"--against: {file}: of other scenes: the salt must be {salt}, the rows as large")
+    return rows
 
 
 def _commit() -> str:
@@ -158,9 +170,7 @@ def _commit() -> str:
 )
 def command(salt: str, only: tuple[str, ...], most: int | None, against: Path | None) -> None:
     """Run what is missing, print and keep the table; exit code 1 where a bar is missed or a row not run."""
-    other = {"rows": []} if against is None else json.loads(against.read_text())
-    if against is not None and (other.get("salt"), other.get("most_scenes")) != (salt, most):
-        raise InputError(f"--against: {against}: of other scenes: the salt must be {salt}, the rows as large")
+    others = [] if against is None else _others(against, salt, most)
     size = "" if most is None else f"-{most}"
     folder = FOLDER / salt / f"{fingerprint()}{size}"
     folder.mkdir(parents=True, exist_ok=True)
@@ -170,13 +180,16 @@ def command(salt: str, only: tuple[str, ...], most: int | None, against: Path | 
     with ThreadPoolExecutor(2) as pool:
         why = dict(zip([row.name for row in beside], pool.map(one, beside), strict=True))
     why |= {row.name: one(row) for row in alone}
-    found = [entry for row in ROWS for entry in judged(row, folder, why.get(row.name, ""), other["rows"])]
+    shown = [row for row in ROWS if row in rows or (folder / f"{row.name}.json").exists()]
+    found = [entry for row in shown for entry in judged(row, folder, why.get(row.name, ""), others)]
     lines = [(entry["row"], entry["name"], entry["value"], entry["bar"], entry["verdict"]) for entry in found]
     wide_console(250).print(text_table(("row", "figure", "value ± standard error", "bar", "verdict"), lines))
-    commit = _commit()
+    commit, left_out = _commit(), [row.name for row in ROWS if row not in shown]
     table = FOLDER / salt / f"{commit}{size}.json"
-    write_summary(table, {"salt": salt, "commit": commit, "most_scenes": most, "rows": found})
-    click.echo(f"{table}")
+    write_summary(
+        table, {"salt": salt, "commit": commit, "most_scenes": most, "left_out": left_out, "rows": found}
+    )
+    click.echo(f"{table}" + (f"; not run, left out by --only: {', '.join(left_out)}" if left_out else ""))
     if any(entry["verdict"].startswith(("missed", "not run")) for entry in found):
         click.get_current_context().exit(1)
 

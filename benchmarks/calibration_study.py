@@ -297,7 +297,7 @@ def figures_of(outcomes: Sequence[Outcome], benches: int) -> list[Figure]:
             stated = s["stated_2_sigma"]
             figures += [
                 figure(f"{case}: error, rms, worst bench", off.max(), unit="%", most=0.02),
-                figure(f"{case}: the same, median bench", *estimate(np.median, off), unit="%", most=0.006),
+                figure(f"{case}: error, rms, median bench", *estimate(np.median, off), unit="%", most=0.006),
                 Figure(f"{case}: stated 2 sigma, median", f"{stated:.2f} %", "<= 1 %", stated <= 1.0),
             ]
         if case == CASES[1]:

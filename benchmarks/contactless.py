@@ -35,7 +35,8 @@ from zeromethod.simulation.path import PathPoint, place_at
 from zeromethod.simulation.watch_camera import SimulatedWatchCamera
 
 APPROACHES, QUICK = 500, 24
-TOUCHES, QUICK_TOUCHES, QUICK_MINUTES = 20, 3, 2
+PER_TOUCH, QUICK_MINUTES = 25, 2
+"""Approaches for each touch in the loop."""
 MINUTE_FRAMES = 1800
 LATENCY_S = 0.02
 """From a frame's mid-exposure until its answer is there: read-out and computing."""
@@ -269,14 +270,12 @@ def measure(approaches: int, minutes: int, touches: int, parts: Parts) -> Report
     salt_option,
     click.option("--approaches", type=Whole(min=1), default=APPROACHES, show_default=True, help="How many."),
     click.option("--minutes", type=Real(min=0), default=60, show_default=True, help="Shadows and light."),
-    click.option("--touches", type=Whole(min=0), default=TOUCHES, show_default=True, help="In the loop."),
 )
-def command(
-    quick: bool, approaches: int, minutes: float, touches: int, keep: Path | None, most_runs: int | None
-) -> Report:
-    count, touches = (QUICK, QUICK_TOUCHES) if quick else (approaches, touches)
-    parts = Parts(keep, most_runs, approaches=count, minutes=minutes, touches=touches, quick=quick)
-    return measure(count, round(min(minutes, QUICK_MINUTES) if quick else minutes), touches, parts)
+def command(quick: bool, approaches: int, minutes: float, keep: Path | None, most_runs: int | None) -> Report:
+    count = QUICK if quick else approaches
+    minutes = round(min(minutes, QUICK_MINUTES) if quick else minutes)
+    parts = Parts(keep, most_runs, approaches=count, minutes=minutes)
+    return measure(count, minutes, -(-count // PER_TOUCH), parts)
 
 
 if __name__ == "__main__":

@@ -223,7 +223,7 @@ def measure(
     total = len(outcomes)
     figures = [
         figure(f"of {total} runs: fault not named", len(unnamed), most=0),
-        figure("not recovered, nor ended well", len(stuck), most=0),
+        figure("runs not recovered, nor ended well", len(stuck), most=0),
         Figure(
             "worst depth peak offered as good", f"{worst:+.3f} %", f"within {within:g} %",
             bool(abs(worst) < within),

@@ -199,7 +199,7 @@ def _seed_figures(responses: Sequence[Response]) -> list[Figure]:
     return [
         Figure("full size: physical delay", f"{delay:.2f} frames"),
         Figure(f"full size: frames to lock, {len(responses)} seeds", shown),
-        figure("full size: the same less 2 x delay, most", max(late), unit="frames", most=EXTRA_FRAMES),
+        figure("full size: frames to lock less 2 x delay, most", max(late), unit="frames", most=EXTRA_FRAMES),
     ]
 
 

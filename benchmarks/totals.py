@@ -86,7 +86,12 @@ def node_figures(scenes: Sequence[Sequence[Frame]], fair: Sequence[Sequence[Fram
     valid = estimate(np.mean, [one[1].mean() for one in honest])
     return [
         figure("nodes called good beyond 3 sigma", *estimate(ratio, beyond, nodes), unit="%", most=0.01),
-        figure("the same, worst scene's median frame, untouched or pressed", worst, unit="%", most=0.03),
+        figure(
+            "nodes beyond 3 sigma, worst scene's median frame, untouched or pressed",
+            worst,
+            unit="%",
+            most=0.03,
+        ),
         figure("stated sigma of nodes, median, over rms error", *times, most=1.5),
         figure(
             "stated sigma of nodes, median",

@@ -105,8 +105,10 @@ def figures(found: Results) -> list[Figure]:
         of = found.of("dents", f"{sigma_mm:g} mm")
         for name in ("seen", "divided") if of else ():
             label = f"dent of sigma {sigma_mm:g} mm, {1e3 * depth_mm:g} µm: {name}, {len(of[name])} seeds"
-            most = 0.01 if sigma_mm >= JUDGED_MM else np.inf
-            out.append(figure(label, *estimate(np.mean, 0.01 * of[name]), unit="%", least=-most, most=most))
+            most = 0.01 if sigma_mm >= JUDGED_MM else None
+            out.append(
+                figure(label, *estimate(np.mean, 0.01 * of[name]), unit="%", least=most and -most, most=most)
+            )
     for name in found.names("waves"):
         of = found.of("waves", name)
         height, predicted = (float(np.mean(of[key])) for key in ("height", "predicted"))
