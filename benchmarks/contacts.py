@@ -222,7 +222,7 @@ def report(found: Sequence[Found]) -> Report:
     worst_ms = max(one.ms for one in found)
     false = sum(one.false for one in found)
     figures = (
-        Figure("contacts found", f"{len(found) - missing} of {len(found)}", "all", missing == 0),
+        figure(f"of {len(found)} contacts: not found", missing, most=0),
         figure("error of area, worst, over 4 % or 2 sigma", worst_area, most=1.0),
         figure("border, worst rms", worst_edge, unit="µm", most=40.0),
         figure("nodes inside contacts within 3 sigma", *inside, unit="%", least=0.97),

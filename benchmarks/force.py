@@ -206,9 +206,7 @@ def report(found: Sequence[Found]) -> Report:
     random = [one for one in found if one.case.startswith("random")]
     known = [one for one in random if one.force_n is not None]
     modulus = next((one.force_n for one in found if one.case == "weighed" and one.force_n), None)
-    figures = [
-        Figure("random objects read", f"{len(known)} of {len(random)}", "all", len(known) == len(random))
-    ]
+    figures = [figure(f"of {len(random)} random objects: not read", len(random) - len(known), most=0)]
     if known:
         worst = max(_off(one) for one in known)
         percent = 100 * np.array([(one.force_n or 0) / one.true_n - 1 for one in known])
