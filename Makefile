@@ -7,14 +7,15 @@
 # make golden  play the golden scenarios and print what differs from the baseline, bit for bit: under ten minutes on two cores
 # make golden-baseline  make that baseline on this machine, once per baseline commit: up to 25 minutes
 # make bench speed and accuracy against peers (ratios of the same run), sigma, steps, long holds, gains,
-#            faults, live path, calibration, decoding, still images, contacts, every pixel, the page: ~90 minutes
+#            faults, live path, calibration, decoding, still images, contacts, every pixel, the page: ~2 hours
+# make bars  SALT=...: what a change of method must hold, over scenes drawn from a salt: an hour on two idle cores
 # Everything lives in .venv; system packages that are missing (EGL, Mesa; Xorg for the tests) are installed first.
 
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: run rehearse test test-long lint size golden golden-baseline bench clean
+.PHONY: run rehearse test test-long lint size golden golden-baseline bench bars clean
 .DEFAULT_GOAL := run
 
 run: $(VENV)/.run-ready
@@ -50,11 +51,14 @@ golden-baseline: $(VENV)/.run-ready
 bench: $(VENV)/.run-ready
 	@mkdir -p out
 	$(BIN)/python -m benchmarks.against_peers --figure out/bench.png --summary out/bench.json
-	@for name in sigma press_suite peaks step_response wavelength_gain contacts contact_image curved_faces acquisition folds nuisances lightings touches scenarios every_pixel still_errors page_cost page_memory long_hold fault_tour live_cost calibration_study decoding passive_textures contactless leds interactive rubbing touch_faults thin; do \
-		case $$name in live_cost|lightings|contactless|interactive|touch_faults|touches|scenarios|every_pixel|page_memory|thin) quick=--quick;; *) quick=;; esac; \
+	@for name in sigma press_suite peaks step_response wavelength_gain contacts contact_image curved_faces acquisition folds nuisances lightings touches scenarios every_pixel still_errors page_cost page_memory long_hold fault_tour live_cost honesty calibration_benches force calibration_study decoding passive_textures contactless leds interactive rubbing touch_faults thin; do \
+		case $$name in live_cost|honesty|calibration_benches|force|lightings|contactless|interactive|touch_faults|touches|scenarios|every_pixel|page_memory|thin) quick=--quick;; *) quick=;; esac; \
 		echo "$(BIN)/python -m benchmarks.$$name $$quick"; \
 		$(BIN)/python -m benchmarks.$$name $$quick --summary out/$$name.json || exit; \
 	done
+
+bars: $(VENV)/.run-ready
+	$(BIN)/python -m benchmarks.bars --salt "$(SALT)" $(ARGS)
 
 $(BIN)/python:
 	@PYTHON=$(PYTHON) sh tools/system-packages.sh

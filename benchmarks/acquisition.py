@@ -25,8 +25,10 @@ import numpy as np
 from benchmarks.calibration_benches import View
 from benchmarks.hand_presses import any_press, can_be_nulled
 from benchmarks.honesty import deviation
-from benchmarks.report import Figure, Report, benchmark, start
+from benchmarks.report import Figure, Report, benchmark, figure, start
 from benchmarks.rigs import VIEW_MIDDLE_MM, changed, small_rig
+from benchmarks.salt import generator, salt_option, seed
+from benchmarks.totals import SIGMAS, few_beyond
 from zeromethod.cli.numbers import Whole
 from zeromethod.devices.opening import open_devices
 from zeromethod.loop.state import NULLED, State
@@ -48,8 +50,9 @@ LAST, PRESS_AT, KNOCK_AT, KNOCKED = 60, 12, 24, 3
 """Frames: of a run from its event on, before a press, before a knock, and how long that lasts."""
 
 WRONG_PERIODS = 0.25
-SIGMAS, PERCENT = 3.0, 1.0
-COVERS, COVERS_QUICK = 24, 3
+PERCENT = 1.0
+PER_COVER = 8
+"""Scenes to each cover."""
 COVERED_FRAMES, BACK_FRAMES, COVERED_SHARES = 3, 10, (0.6, 0.95)
 COVER_MM, COVER_DEPTH_MM = (20.0, 30.0), 0.05
 """Radii of flat faces, and how deep they are pressed."""
@@ -111,7 +114,7 @@ def thrown(depth_mm: float, side: float) -> Dent:
 def scenes(count: int) -> Sequence[Scene]:
     """Random scenes of all kinds, by turns."""
     small, full = small_rig(), load_rig("simulated")
-    view, draw = View(small), np.random.default_rng(SEED)
+    view, draw = View(small), generator(SEED)
     makers: tuple[Callable[[Rig, Dent], Scene], ...] = (
         lambda rig, dent: Scene("on while pressed", rig, (held(rig, dent, 0),), 0, nulls=True),
         lambda rig, dent: Scene("pressed at once", rig, (held(rig, dent, PRESS_AT),), PRESS_AT, nulls=True),
@@ -124,8 +127,7 @@ def scenes(count: int) -> Sequence[Scene]:
         dents = any_press(view, draw)
         one = makers[number % len(makers)]
         displaced = number % len(makers) == len(makers) - 1
-        seed = {"seed": number}
-        rig = changed(full if displaced else small, simulation=seed)
+        rig = changed(full if displaced else small, simulation={"seed": seed(number)})
         scene = one(rig, dents[0])
         out.append(scene if displaced or can_be_nulled(small, dents) else _not_nulled(scene))
     return out
@@ -208,8 +210,8 @@ class Covered:
 
 def covered(number: int) -> Covered:
     """A flat face that comes and goes."""
-    draw = np.random.default_rng([SEED, number])
-    rig = changed(small_rig(), simulation={"seed": number}).model_copy(update={"scenario": "none"})
+    draw = generator(SEED, number)
+    rig = changed(small_rig(), simulation={"seed": seed(number)}).model_copy(update={"scenario": "none"})
     optics, lift = Optics(rig), PRESS_AT + LAST // 2
     x_mm, y_mm = VIEW_MIDDLE_MM + float(draw.uniform(-4.0, 4.0)), float(draw.uniform(-3.0, 3.0))
     radius_mm = float(draw.uniform(*COVER_MM))
@@ -255,7 +257,8 @@ def _cover_figures(covers: Sequence[Covered]) -> list[Figure]:
 def summarise(outcomes: Sequence[Outcome], covers: Sequence[Covered]) -> Report:
     """Bars over all scenes, and a line for each kind."""
     can = [one for one in outcomes if one.nulls]
-    honest = [one for one in can if one.frames is not None or one.state == State.LOST]
+    nulled = sum(one.frames is not None for one in can)
+    rest = sum(one.frames is None and one.state != State.LOST for one in can)
     wrong, decoded = sum(one.wrong for one in outcomes), sum(one.decoded for one in outcomes)
     known = [
         abs(one.peak_percent)
@@ -265,23 +268,19 @@ def summarise(outcomes: Sequence[Outcome], covers: Sequence[Covered]) -> Report:
         and SIGMAS * one.sigma_percent < PERCENT
     ]
     ratios = [one.peak_sigmas for one in outcomes if one.peak_sigmas is not None]
-    far, most = sum(one > SIGMAS for one in ratios), max(round(0.015 * len(ratios)), 1)
     within = sum(one < PERCENT for one in known)
     figures = [
-        Figure(
-            "scenes that can be nulled: nulled for good, or lost, within 1 s",
-            f"{len(honest)} of {len(can)}",
-            "all",
-            len(honest) == len(can),
-        ),
-        Figure("nodes read at a wrong order and called good", f"{wrong} of {decoded}", "0", wrong == 0),
+        figure("scenes that can be nulled: nulled for good within 1 s", nulled, least=0.97, of_other=True),
+        figure("the others of them that are not lost", rest, most=0),
+        figure("nodes read at a wrong order and called good", wrong, most=0),
+        Figure("scenes that can be nulled; nodes called good", f"{len(can)}; {decoded}"),
         Figure(
             "measured peaks that say they are known to 1 %: within 1 %",
             f"{within} of {len(known)}",
             "all",
             within == len(known),
         ),
-        Figure("measured peaks beyond 3 sigma", f"{far} of {len(ratios)}", f"<= {most}", far <= most),
+        few_beyond("measured peaks", ratios),
         *_cover_figures(covers),
     ]
     details = [["scene", "runs", "can be nulled", "nulled", "frames, median", "most", "wrong", "largest z"]]
@@ -307,17 +306,14 @@ def summarise(outcomes: Sequence[Outcome], covers: Sequence[Covered]) -> Report:
 @benchmark(
     "acquisition",
     __doc__,
-    click.option("--scenes", type=Whole(min=1), default=SCENES, show_default=True, help="Runs."),
+    click.option("--scenes", "count", type=Whole(min=1), default=SCENES, show_default=True, help="Runs."),
+    salt_option,
 )
-def command(quick: bool, scenes: int) -> Report:
-    """Run everything."""
-    return measure(*((QUICK, COVERS_QUICK) if quick else (scenes, COVERS)))
-
-
-def measure(count: int, covers: int) -> Report:
-    """`count` random scenes, and so many covers."""
+def command(quick: bool, count: int) -> Report:
+    """Run random scenes, and a cover for so many of them."""
     outcomes, hidden = [], []
-    drawn = scenes(count)
+    drawn = scenes(QUICK if quick else count)
+    covers = -(-len(drawn) // PER_COVER)
     with progress(len(drawn) + covers, "scenes") as advance:
         for number in range(covers):
             hidden.append(covered(number))

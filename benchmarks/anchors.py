@@ -37,6 +37,7 @@ from benchmarks.honesty import by_place_mm
 from benchmarks.peaks import LEVER_MM, RING_CURVATURE, middle_of_the_view
 from benchmarks.report import Figure, Report, benchmark, start
 from benchmarks.rigs import coarser
+from benchmarks.salt import generator, salt_option
 from zeromethod.arrays import Float
 from zeromethod.cli.numbers import Whole
 from zeromethod.optics import Dented, DepthField, Optics
@@ -56,9 +57,12 @@ RESIDUAL_SIGMA_PX = 0.013
 DENTS, QUICK = 100, 10
 """Of each family."""
 
+SEED = 2
+"""0 and 1 are those that the laws of the far field were fitted to."""
+
 DEEPEST_MM, MOST_OF_FOLD = 0.3, 0.4
 FAR_SIGMAS = 3.0
-Z_RMS, MOST_SIGMA, MOST_FAR = (0.8, 1.25), 1.25, 0.015
+Z_RMS, MOST_FAR = (0.8, 1.25), 0.015
 
 
 @dataclass(frozen=True)
@@ -224,14 +228,14 @@ def anchored(view: View, surface: Surface, dent: DepthField) -> tuple[float, flo
     return off, view.reader.covariance(surface).variance_of(weights).sigma
 
 
-def report(count: int, seed: int) -> Report:
+def report(count: int) -> Report:
     """`count` dents of every family."""
     rig = load_rig("simulated")
     coarse, half, middle = (View(one) for one in (coarser(rig, 4), coarser(rig, 2), middle_of_the_view(rig)))
     found: dict[str, list[Read]] = {}
     with progress(len(FAMILIES), "families") as advance:
         for number, family in enumerate(FAMILIES):
-            draw = np.random.default_rng([seed, number])
+            draw = generator(SEED, number)
             found[family.name] = []
             for turn in range(count):
                 view = (coarse if turn % 2 else half) if family.wide else (half if turn % 2 else middle)
@@ -291,11 +295,11 @@ def summarise(found: dict[str, list[Read]]) -> Report:
     "anchors",
     __doc__,
     click.option("--dents", type=Whole(min=2), default=DENTS, show_default=True, help="Of each family."),
-    click.option("--seed", type=Whole(min=0), default=2, show_default=True, help="0, 1: as fitted to."),
+    salt_option,
 )
-def command(quick: bool, dents: int, seed: int) -> Report:
+def command(quick: bool, dents: int) -> Report:
     """Run everything."""
-    return report(QUICK if quick else dents, seed)
+    return report(QUICK if quick else dents)
 
 
 if __name__ == "__main__":

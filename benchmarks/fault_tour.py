@@ -20,7 +20,7 @@ from typing import Any
 import click
 import numpy as np
 
-from benchmarks.report import Figure, Report, benchmark, start
+from benchmarks.report import Figure, Report, benchmark, figure, start
 from benchmarks.rigs import VIEW_MIDDLE_MM, changed, coarser, opened, pressed
 from zeromethod.devices.protocols import TrueMirror
 from zeromethod.loop.events import Event
@@ -222,8 +222,8 @@ def measure(
     stuck = [o.fault for o in outcomes if not o.recovered]
     total = len(outcomes)
     figures = [
-        Figure("runs whose fault was named", f"{total - len(unnamed)} of {total}", "all", not unnamed),
-        Figure("runs that recovered or ended well", f"{total - len(stuck)} of {total}", "all", not stuck),
+        figure(f"of {total} runs: fault not named", len(unnamed), most=0),
+        figure("runs not recovered, nor ended well", len(stuck), most=0),
         Figure(
             "worst depth peak offered as good", f"{worst:+.3f} %", f"within {within:g} %",
             bool(abs(worst) < within),

@@ -16,8 +16,10 @@ import numpy as np
 
 from benchmarks.honesty import deviation
 from benchmarks.peaks import LEVER_MM, RING_CURVATURE, middle_of_the_view
-from benchmarks.report import Figure, Report, benchmark, start
+from benchmarks.report import Figure, Report, benchmark, figure, start
 from benchmarks.rigs import VIEW_MIDDLE_MM, changed
+from benchmarks.salt import generator, salt_option, seed
+from benchmarks.totals import SIGMAS, estimate, few_beyond, ratio
 from zeromethod.arrays import Float, Mask
 from zeromethod.cli.numbers import Whole
 from zeromethod.devices.opening import open_devices
@@ -41,8 +43,8 @@ SIZES_MM = 0.8, 2.0
 OF_FOLD = 0.6, 2.0
 """Depth over that at which the ring around a Gaussian begins to fold."""
 
-WRONG_LCD_PX, SIGMAS, PERCENT = 1.5, 3.0, 1.0
-MOST_BEYOND, MOST_RESIDUAL = 0.01, 1.1
+WRONG_LCD_PX, PERCENT = 1.5, 1.0
+MOST_RESIDUAL = 1.1
 SEED = 17
 
 
@@ -77,9 +79,9 @@ def pressed(draw: np.random.Generator) -> Dent:
 
 def judged(number: int) -> Outcome:
     """One press."""
-    draw = np.random.default_rng([SEED, number])
+    draw = generator(SEED, number)
     dent = pressed(draw)
-    rig = changed(middle_of_the_view(load_rig("simulated")), simulation={"seed": number})
+    rig = changed(middle_of_the_view(load_rig("simulated")), simulation={"seed": seed(number)})
     rig = rig.model_copy(update={"scenario": "none"})
     optics, at_ns = Optics(rig), round(1e9 * PRESS_AT / rig.camera.rate_hz)
     points = tuple(PathPoint(at_ns, dent.x_mm, dent.y_mm, depth) for depth in (0.0, dent.depth_mm))
@@ -130,19 +132,18 @@ def _orders(optics: Optics, read: Read, mirror: DepthField) -> tuple[int, int]:
 def summarise(outcomes: Sequence[Outcome]) -> Report:
     """Bars over all presses."""
     wrong, placed = sum(one.wrong for one in outcomes), sum(one.placed for one in outcomes)
-    beyond = sum(one.beyond for one in outcomes) / max(sum(one.nodes for one in outcomes), 1)
+    beyond = estimate(ratio, [one.beyond for one in outcomes], [one.nodes for one in outcomes])
     locked = [one for one in outcomes if one.locked]
     percent = [abs(one.peak_percent) for one in locked]
-    far = sum(one.peak_sigmas > SIGMAS for one in locked)
-    most = max(round(0.015 * len(locked)), 1)
     residual = [one.residual for one in outcomes if np.isfinite(one.residual)]
     within = sum(one < PERCENT for one in percent)
     figures = [
-        Figure("pixels read at a wrong order", f"{wrong} of {placed}", "0", wrong == 0),
-        Figure("valid nodes beyond 3 sigma", f"{beyond:.2%}", "<= 1 %", beyond <= MOST_BEYOND),
-        Figure("locked at the end", f"{len(locked)} of {len(outcomes)}"),
+        figure("pixels read at a wrong order", wrong, most=0),
+        figure("valid nodes beyond 3 sigma", *beyond, unit="%", most=0.01),
+        figure("locked at the end", len(locked), least=0.97, of_other=True),
+        Figure("presses; pixels read", f"{len(outcomes)}; {placed}"),
         Figure("of these, peak within 1 %", f"{within} of {len(locked)}", "all", within == len(locked)),
-        Figure("of these, peak beyond 3 sigma", f"{far} of {len(locked)}", f"<= {most}", far <= most),
+        few_beyond("of these, peaks", [one.peak_sigmas for one in locked]),
         Figure(
             "residual of other nodes during a burst over before, largest",
             f"{max(residual):.2f}" if residual else "no burst",
@@ -160,6 +161,7 @@ def summarise(outcomes: Sequence[Outcome]) -> Report:
     "folds",
     __doc__,
     click.option("--presses", type=Whole(min=1), default=PRESSES, show_default=True, help="Runs."),
+    salt_option,
 )
 def command(quick: bool, presses: int) -> Report:
     """Run everything."""

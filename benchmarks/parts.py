@@ -12,6 +12,7 @@ from typing import Any
 
 import click
 
+from benchmarks.salt import held_out
 from zeromethod.cli.numbers import Whole
 from zeromethod.errors import InputError
 from zeromethod.view.progress import progress
@@ -43,6 +44,8 @@ class Parts:
     def __init__(self, keep: Path | None, most_runs: int | None, **settings: Any) -> None:
         if most_runs is not None and keep is None:
             raise InputError("--most-runs: only with --keep")
+        if keep is not None and held_out():
+            raise InputError("--keep: not with --held-out, of which only totals are given")
         self._keep, self._most = keep, most_runs
         self._about = {"program": fingerprint(), **settings}
         self._kept: dict[int, Any] = {}
@@ -87,10 +90,10 @@ class Parts:
 
 
 def fingerprint() -> str:
-    """Of every source file of program, shaders and benchmarks, 16 hexadecimal digits."""
+    """Of every source file of program, shaders, benchmarks, rig and press files, 16 hexadecimal digits."""
     root = Path(__file__).parent.parent
     digest = hashlib.sha256()
-    for pattern in ("zeromethod/**/*.py", "benchmarks/**/*.py", "shaders/*.*"):
+    for pattern in ("zeromethod/**/*.py", "benchmarks/**/*.py", "shaders/*.*", "calibration/**/*.toml"):
         for path in sorted(root.glob(pattern)):
             digest.update(path.read_bytes())
     return digest.hexdigest()[:16]

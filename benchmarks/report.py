@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 
+from benchmarks.salt import held_out
 from zeromethod.cli.main import main
 from zeromethod.cli.output import summary_option, wide_console, write_summary
 from zeromethod.thread_limits import limit_threads
@@ -19,12 +21,47 @@ from zeromethod.view.table import text_table
 
 @dataclass(frozen=True)
 class Figure:
-    """One figure and its bar. met None: given for comparison, without a bar."""
+    """One figure and its bar. met None: given for comparison, without a bar.
+
+    number, error: what `make bars` judges, and its standard error, NaN where not known. least, most: the
+    bar, of the same figure of another version where `of_other`.
+    """
 
     name: str
     value: str
     bar: str = ""
     met: bool | None = None
+    number: float | None = None
+    error: float = float("nan")
+    least: float | None = None
+    most: float | None = None
+    of_other: bool = False
+
+
+def figure(
+    name: str,
+    number: float,
+    error: float = float("nan"),
+    *,
+    unit: str = "",
+    least: float | None = None,
+    most: float | None = None,
+    of_other: bool = False,
+) -> Figure:
+    """A number and what it is held against. unit "%": of 1."""
+    times, unit = (100.0, " %") if unit == "%" else (1.0, unit and f" {unit}")
+
+    def words(value: float, digits: int = 4) -> str:
+        return f"{times * value:.{digits}g}"
+
+    value = words(number) + (f" ± {words(error, 2)}" if np.isfinite(error) else "") + unit
+    if of_other:
+        times, unit = 1.0, " of another version's"
+    ends = "" if least is None else f">= {words(least)}", "" if most is None else f"<= {words(most)}"
+    bar = ", ".join(filter(None, ends))
+    judge = bool(bar) and not of_other
+    met = (least is None or number >= least) and (most is None or number <= most) if judge else None
+    return Figure(name, value, bar and bar + unit, met, number, error, least, most, of_other)
 
 
 @dataclass(frozen=True)
@@ -73,7 +110,12 @@ def start(command: click.Command) -> None:
 
 
 def finish(report: Report, json_file: Path | None = None) -> int:
-    """Print the report, write the JSON file if one is asked for; exit code 1 when a bar was missed."""
+    """Print the report, write the JSON file if one is asked for; exit code 1 when a bar was missed.
+
+    Of held-out scenes only the figures.
+    """
+    if held_out():
+        report = replace(report, details=(), data={})
     console = wide_console(250)
     console.print(f"{report.title}\n")
     if report.details:

@@ -24,7 +24,9 @@ import click
 import numpy as np
 
 from benchmarks.parts import Parts, part_options
-from benchmarks.report import Figure, Report, benchmark, start
+from benchmarks.report import Figure, Report, benchmark, figure, start
+from benchmarks.salt import salt_option, seed
+from benchmarks.totals import rate
 from zeromethod.arrays import Float
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
@@ -56,11 +58,11 @@ TOUCH_S, HELD_S, SLIP_S, STICK_S, END_S = 0.26, 0.3, 0.44, 0.6, 0.7
 FIRST_S, PIECE_S, SERIES = 0.22, 2 / 60, 21
 """Until the first of a series is lit and read, how long each other one lies there, and pieces of it."""
 WITHIN, SIGMAS, BEYOND = 3, 3.0, 0.01
-NAMED_FRAMES, SHARE, PERCENT, TOLD = 3, 0.02, 2.0, 0.99
+NAMED_FRAMES = 3
 
 
 def rubbed(
-    folder: Path, weave: str, pitch_mm: float, tip_mm: float, speed_mm_s: float, seed: int
+    folder: Path, weave: str, pitch_mm: float, tip_mm: float, speed_mm_s: float, number: int
 ) -> tuple[list[Any], Any]:
     """(time s of the scenario, status, true share of what was looked at) of frames with a status; the rig."""
     large = pitch_mm > 2
@@ -68,7 +70,7 @@ def rubbed(
     force = _force_n(large=large)
     path = [(TOUCH_S, x_mm, 0.0), (HELD_S, x_mm, force), (SLIP_S, x_mm, force)]
     path.append((STICK_S, x_mm + speed_mm_s * (STICK_S - SLIP_S), force))
-    rig = _rig(folder, _object(weave, pitch_mm, tip_mm, seed, path), seed)
+    rig = _rig(folder, _object(weave, pitch_mm, tip_mm, number, path), number)
     if not large:
         rig = _of_pixels(rig, 480, 352)
     found = []
@@ -99,21 +101,21 @@ def _force_n(*, large: bool) -> float:
 
 
 def _object(
-    weave: str, pitch_mm: float, tip_mm: float, seed: int, path: Sequence[tuple[float, float, float]]
+    weave: str, pitch_mm: float, tip_mm: float, number: int, path: Sequence[tuple[float, float, float]]
 ) -> str:
     """Of a press file; path: time s, x mm, force N."""
     points = ", ".join(f"{{time_s = {t}, x_mm = {x}, y_mm = 0.0, force_n = {f}}}" for t, x, f in path)
     return (
         f'[[object]]\nshape = "texture"\nweave = "{weave}"\nradius_mm = {_radius_mm(large=pitch_mm > 2)}\n'
-        f"pitch_mm = {pitch_mm}\ntip_mm = {tip_mm}\nheight_mm = {HEIGHT_MM}\nseed = {seed}\n"
+        f"pitch_mm = {pitch_mm}\ntip_mm = {tip_mm}\nheight_mm = {HEIGHT_MM}\nseed = {seed(number)}\n"
         f'albedo = "grey"\npath = [{points}]\n'
     )
 
 
-def _rig(folder: Path, objects: str, seed: int) -> Rig:
+def _rig(folder: Path, objects: str, number: int) -> Rig:
     press = folder / "press.toml"
     press.write_text(objects)
-    changed = {"camera.exposure_s": 0.001, "control.rubbing": True, "simulation.seed": seed}
+    changed = {"camera.exposure_s": 0.001, "control.rubbing": True, "simulation.seed": seed(number)}
     return load_rig("simulated").replace(changed, scenario=str(press))
 
 
@@ -184,10 +186,10 @@ def pieces(folder: Path, number: int) -> list[dict[str, Any]]:
     begin = [TOUCH_S + FIRST_S + PIECE_S * k for k in range(SERIES + 1)]
     begin[0] = TOUCH_S
     objects = ""
-    for seed, from_s, to_s in zip(seeds, begin, begin[1:], strict=False):
+    for piece, from_s, to_s in zip(seeds, begin, begin[1:], strict=False):
         path = [(from_s, 42.0, 0.0), (from_s, 42.0, _force_n(large=False))]
         path += [(to_s, 42.0, path[1][2]), (to_s, 42.0, 0.0)]
-        objects += _object("woven", *FABRICS[kind], seed, path)
+        objects += _object("woven", *FABRICS[kind], piece, path)
     rig = _of_pixels(_rig(folder, objects, seeds[0]), 352, 320)
     seen: list[list[ContactStatus]] = [[] for _ in seeds]
     with Session(rig) as session:
@@ -225,10 +227,8 @@ def _fabric_report(found: Sequence[Sequence[dict[str, Any]]]) -> Report:
     if len(found) < len(FABRICS):
         return Report(title, [Figure("fabrics learned", f"{len(found)} of {len(FABRICS)}")], [], kept)
     right, count, wrong = told_apart(found)
-    figure = Figure(
-        "unseen pieces told apart", f"{right} of {count}", f"{100 * TOLD:g} %", right >= TOLD * count
-    )
-    return Report(title, [figure], [("wrong", *wrong)] if wrong else [], kept)
+    apart = figure("unseen pieces told apart", *rate(right, count), unit="%", least=0.98)
+    return Report(title, [apart], [("wrong", *wrong)] if wrong else [], kept)
 
 
 def _percent_off(value: float | None, true: float) -> float:
@@ -263,10 +263,10 @@ def _case_report(found: Sequence[dict[str, Any]], numbers: Sequence[int]) -> Rep
     worst = [max(each, default=np.inf) for each in (pitches, speeds, shares, named)]
     beyond = sum(one["beyond"] for one in found) / max(sum(one["values"] for one in found), 1)
     figures = [
-        Figure("pitch, worst", f"{worst[0]:.2f} %", f"{PERCENT:g} %", worst[0] <= PERCENT),
-        Figure("speed where not aliased, worst", f"{worst[1]:.2f} %", f"{PERCENT:g} %", worst[1] <= PERCENT),
+        figure("error of pitch, worst", 0.01 * worst[0], unit="%", most=0.03),
+        figure("error of speed where not aliased, worst", 0.01 * worst[1], unit="%", most=0.03),
         Figure("aliased or not, wrongly named", f"{wrong_alias} of {len(found)}", "0", wrong_alias == 0),
-        Figure("share in contact, worst frame", f"{worst[2]:.3f}", f"{SHARE:g}", worst[2] <= SHARE),
+        figure("error of the share in contact, worst frame", worst[2], most=0.03),
         Figure(
             "frames until stick or slip is named",
             f"{worst[3]:g}",
@@ -287,6 +287,7 @@ def _case_report(found: Sequence[dict[str, Any]], numbers: Sequence[int]) -> Rep
     click.option(
         "--part", type=click.Choice(["cases", "fabrics"]), default="cases", show_default=True, help="Which."
     ),
+    salt_option,
 )
 def command(*, quick: bool, keep: Path | None, most_runs: int | None, part: str) -> Report:
     """Run one part."""

@@ -7,13 +7,11 @@ others are half-spaces. Noise of 1 to 4 grey levels; on half of them dust, scrat
 bench with four times larger pixels and a pupil of 1.25 mm, its geometry known.
 
 Counted are the nodes called valid in all frames whose state is nulled (locked, resting): depth less
-the true one, over sigma. What cannot be nulled need not be good. Results are kept line by line with
---results, and a run that is started again with the same file goes on.
+the true one, over sigma. What cannot be nulled need not be good.
 """
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -23,8 +21,11 @@ import click
 import numpy as np
 
 from benchmarks.calibration_benches import View
-from benchmarks.report import Figure, Report, benchmark, start
+from benchmarks.parts import Parts, part_options
+from benchmarks.report import Figure, Report, benchmark, figure, start
 from benchmarks.rigs import small_rig
+from benchmarks.salt import generator, salt_option, seed
+from benchmarks.totals import Frame, estimate, frame_of, node_figures
 from zeromethod.cli.numbers import Whole
 from zeromethod.devices.opening import open_devices
 from zeromethod.errors import InputError, MeasurementError
@@ -37,13 +38,13 @@ from zeromethod.simulation.contact.path import ObjectPath
 from zeromethod.simulation.path import PathPoint, PressPath
 from zeromethod.simulation.press import Dent, Shape
 from zeromethod.simulation.scenario import Scenario
-from zeromethod.view.progress import progress
 
 COUNT, QUICK = 200, 12
 SEED = 61
 COME_AT, LAST = 24, 60
 """Frames: untouched before (dirt is learned in 16), and of a run."""
-SIGMAS, BAR = 3.0, 0.01
+BAR = 0.01
+"""Share of nodes beyond 3 sigma from which a scenario is listed."""
 DEPTHS_MM = (1e-3, 1.0)
 HOW_MANY = (0.5, 0.3, 0.2)
 """Shares of scenarios with one, two and three presses."""
@@ -66,21 +67,23 @@ class Case:
 class Outcome:
     """What came of a scenario.
 
-    good: share of frames after the presses that were called nulled. nodes, beyond: counted in those and in
-    the untouched ones, and those off by more than three sigma. worst: largest error over sigma.
-    pressed_nodes, pressed_beyond: those of frames with a press. state: the last one.
+    good: share of frames after the presses that were called nulled. nodes: of every frame that was.
+    worst: largest error over sigma. state: the last one.
     """
 
     number: int
     name: str
     state: str
     good: float
-    nodes: int
-    beyond: int
-    pressed_nodes: int
-    pressed_beyond: int
+    nodes: list[Frame]
     worst: float
     largest_mm: float
+
+    @property
+    def beyond(self) -> float:
+        """Share of nodes beyond 3 sigma in frames with a press."""
+        pressed = [frame for frame in self.nodes if frame[0]]
+        return sum(frame[2] for frame in pressed) / max(sum(frame[1] for frame in pressed), 1)
 
 
 def _size(draw: np.random.Generator, low: float, high: float) -> float:
@@ -142,7 +145,7 @@ def _course(
 
 def case(number: int) -> Case:
     """Scenario of that number, always the same."""
-    draw = np.random.default_rng([SEED, number])
+    draw = generator(SEED, number)
     prism = bool(number % 2)
     dirt = {
         "dust": int(draw.integers(1, 20)),
@@ -153,7 +156,11 @@ def case(number: int) -> Case:
     rig = small_rig().model_copy(update={"scenario": "none"})
     noise = {**rig.camera.noise.model_dump(), "read_grey": _size(draw, 1.0, 4.0)}
     rig = rig.replace(
-        {"camera.pupil_mm": PUPIL_MM, "camera.noise.read_grey": noise["read_grey"], "simulation.seed": number}
+        {
+            "camera.pupil_mm": PUPIL_MM,
+            "camera.noise.read_grey": noise["read_grey"],
+            "simulation.seed": seed(number),
+        }
         | ({f"simulation.nuisances.{key}": value for key, value in dirt.items()} if dirty else {})
         | ({"rubber.support": {"pattern": "bonded", "camera": "bonded", "ends": "free"}} if prism else {})
     )
@@ -185,10 +192,10 @@ def case(number: int) -> Case:
     return Case(words, rig, scenario)
 
 
-def judged(number: int) -> Outcome:
+def run(number: int) -> Outcome:
     """Run a scenario, and hold every node that is called good against the truth."""
     one = case(number)
-    counts = np.zeros((2, 2), dtype=int)  # untouched and pressed; nodes and those beyond
+    nodes: list[Frame] = []
     worst = largest_mm = 0.0
     good = frames = 0
     state = "none"
@@ -199,7 +206,7 @@ def judged(number: int) -> Outcome:
         with Session(one.rig, devices=devices) as session:
             for step in session.run(frames=LAST):
                 state = step.state.value
-                pressed = int((step.frame_number or 0) > COME_AT)
+                pressed = (step.frame_number or 0) > COME_AT
                 frames += pressed
                 good += pressed and step.state in NULLED
                 surface = step.surface
@@ -209,27 +216,21 @@ def judged(number: int) -> Outcome:
                 true_mm = camera.truth(step.time_ns).depth(surface.x_mm[valid], surface.y_mm[valid])
                 error_mm = np.abs(surface.depth_mm[valid] - true_mm)
                 ratio = error_mm / surface.sigma_depth_mm[valid]
-                counts[pressed] += ratio.size, int(np.count_nonzero(~(ratio <= SIGMAS)))
+                if ratio.size:
+                    nodes.append(frame_of(error_mm, surface.sigma_depth_mm[valid], pressed=pressed))
                 if ratio.size and ratio.max() > worst:
                     worst, largest_mm = float(ratio.max()), float(error_mm[ratio.argmax()])
-    nodes, beyond = counts.sum(axis=0)
-    return Outcome(
-        number, one.name, state, good / max(frames, 1), int(nodes), int(beyond), int(counts[1, 0]),
-        int(counts[1, 1]), worst, largest_mm,
-    )  # fmt: skip
+    return Outcome(number, one.name, state, good / max(frames, 1), nodes, worst, largest_mm)
 
 
 def summarise(outcomes: Sequence[Outcome], refused: Sequence[str]) -> Report:
     """The bar, and a line for each scenario that has more than the bar's share beyond."""
-    nodes, beyond = sum(one.nodes for one in outcomes), sum(one.beyond for one in outcomes)
-    pressed = sum(one.pressed_beyond for one in outcomes) / max(sum(one.pressed_nodes for one in outcomes), 1)
-    share = beyond / max(nodes, 1)
-    over = [one for one in outcomes if one.pressed_beyond > BAR * max(one.pressed_nodes, 1)]
+    over = [one for one in outcomes if one.beyond > BAR]
+    nodes, good = [one.nodes for one in outcomes], estimate(np.mean, [one.good for one in outcomes])
     figures = [
-        Figure("nodes called good beyond 3 sigma", f"{share:.2%}", f"<= {BAR:.0%}", share <= BAR),
-        Figure("the same, frames with a press alone", f"{pressed:.2%}", f"<= {BAR:.0%}", pressed <= BAR),
-        Figure("scenarios with more than that beyond while pressed", f"{len(over)} of {len(outcomes)}"),
-        Figure("nodes counted", f"{nodes}"),
+        *node_figures(nodes, nodes),
+        figure("frames with a press called good", *good, unit="%", least=0.98, of_other=True),
+        Figure("scenarios with more than 1 % beyond while pressed", f"{len(over)} of {len(outcomes)}"),
         Figure(
             "scenarios nulled at the end",
             f"{sum(one.state in NULLED for one in outcomes)} of {len(outcomes)}",
@@ -242,10 +243,10 @@ def summarise(outcomes: Sequence[Outcome], refused: Sequence[str]) -> Report:
     details += [
         (
             f"{one.number}", one.name, one.state, f"{one.good:.0%}",
-            f"{one.pressed_beyond / one.pressed_nodes:.1%}",
+            f"{one.beyond:.1%}",
             f"{one.worst:.1f}", f"{1e3 * one.largest_mm:.2f}",
         )
-        for one in sorted(over, key=lambda one: -one.pressed_beyond)
+        for one in sorted(over, key=lambda one: -one.beyond)
     ]  # fmt: skip
     data: dict[str, Any] = {"scenarios": [asdict(one) for one in outcomes], "refused": list(refused)}
     return Report("Random scenarios: what is called good, against its own sigma", figures, details, data)
@@ -256,33 +257,21 @@ def summarise(outcomes: Sequence[Outcome], refused: Sequence[str]) -> Report:
     __doc__,
     click.option("--scenarios", type=Whole(min=1), default=COUNT, show_default=True, help="How many."),
     click.option("--first", type=Whole(min=0), default=0, show_default=True, help="Number of the first."),
-    click.option(
-        "--results", type=click.Path(dir_okay=False, path_type=Path), help="Lines of JSON to go on from."
-    ),
+    part_options,
+    salt_option,
 )
-def command(quick: bool, scenarios: int, first: int, results: Path | None) -> Report:
+def command(quick: bool, scenarios: int, first: int, keep: Path | None, most_runs: int | None) -> Report:
     """Run what is missing, and judge all."""
-    return measure(range(first, first + (QUICK if quick else scenarios)), results)
 
+    def one(number: int) -> dict[str, Any]:
+        try:
+            return asdict(run(first + number))
+        except (InputError, MeasurementError) as error:
+            return {"refused": f"{first + number}: {error}"}
 
-def measure(numbers: Sequence[int], results: Path | None) -> Report:
-    """Scenarios of these numbers; those in `results` are taken from there, the others added to it."""
-    lines = results.read_text().splitlines() if results is not None and results.exists() else []
-    known = {entry["number"]: entry for entry in map(json.loads, lines)}
-    with progress(len(numbers), "scenarios") as advance:
-        for number in numbers:
-            if number not in known:
-                try:
-                    known[number] = asdict(judged(number))
-                except (InputError, MeasurementError) as error:
-                    known[number] = {"number": number, "refused": str(error)}
-                if results is not None:
-                    with results.open("a") as file:
-                        file.write(json.dumps(known[number]) + "\n")
-            advance(f"{number}")
-    mine = [known[number] for number in numbers]
-    refused = [f"{entry['number']}: {entry['refused']}" for entry in mine if "refused" in entry]
-    return summarise([Outcome(**entry) for entry in mine if "refused" not in entry], refused)
+    found = Parts(keep, most_runs, first=first).run(QUICK if quick else scenarios, "scenarios", one)
+    refused = [entry["refused"] for entry in found if "refused" in entry]
+    return summarise([Outcome(**entry) for entry in found if "refused" not in entry], refused)
 
 
 if __name__ == "__main__":

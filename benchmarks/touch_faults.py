@@ -22,13 +22,14 @@ import click
 import numpy as np
 
 from benchmarks.fault_tour import FAULT_FRAME, FAULTS, Fault
-from benchmarks.honesty import FRAMES_TO_NAME, SIGMAS, turned_by_a_pixel_deg
+from benchmarks.honesty import FRAMES_TO_NAME, turned_by_a_pixel_deg
 from benchmarks.interactive import NEAR_MM, finger
 from benchmarks.interactive import bench as interactive_bench
 from benchmarks.parts import Parts, part_options
 from benchmarks.report import Figure, Report, benchmark, start
 from benchmarks.rigs import changed
 from benchmarks.rubbing import rub_rig
+from benchmarks.totals import SIGMAS
 from zeromethod.interactive.pointers import PointerType
 from zeromethod.loop.events import Event
 from zeromethod.loop.state import NULLED, State

@@ -50,7 +50,7 @@ def command(parts: tuple[str, ...], quick: bool, figure: Path | None, summary: P
 
 def _report(figures: dict[str, Any], figure: Path | None, summary: Path | None) -> None:
     """Print the tables and write what was asked for, of whatever is measured by now."""
-    figures["bars"] = bars(figures)
+    figures["figures"] = bars(figures)
     console = Console(width=None if sys.stdout.isatty() else 120)
     host = figures["host"]
     console.print(
@@ -58,7 +58,7 @@ def _report(figures: dict[str, Any], figure: Path | None, summary: Path | None) 
         f"numpy {host['versions']['numpy']}; one reading each, same frames\n",
         highlight=False,
     )
-    console.print(peers_table(figures, figures["bars"]))
+    console.print(peers_table(figures, figures["figures"]))
     why = figures.get("why")
     if why:
         from benchmarks.against_peers.open_loop_figure import draw_open_loop, open_loop_table  # noqa: PLC0415 - matplotlib

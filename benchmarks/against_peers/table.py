@@ -36,11 +36,8 @@ def peers_table(figures: Figures, bars: list[Figures]) -> Group:
     for key, tables in sections.items():
         for table in tables:
             parts += table(figures.get(key) or {})
-    rows = [
-        (bar["what"], _ratio(bar["value"]), f"{bar['bar']}", "met" if bar["met"] else "MISSED")
-        for bar in bars
-    ]
-    return Group(*parts, *_section("Bars", ("", "figure", "at most", ""), rows))
+    rows = [(bar["name"], bar["value"], bar["bar"], "met" if bar["met"] else "MISSED") for bar in bars]
+    return Group(*parts, *_section("Bars", ("", "figure", "bar", ""), rows))
 
 
 def _section(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[RenderableType]:

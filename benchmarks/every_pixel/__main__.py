@@ -21,16 +21,16 @@ The whole view:
 - mean: that of 10,000 frames, with jitter, a wrong delay and the chip's fixed pattern;
 - loop: its time with the target still, moving, and read alongside; what a reading takes.
 
-Seed by seed: with --results a part goes on from where it was stopped.
+Seed by seed: with --keep it goes on from where it was stopped.
 """
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import click
 import numpy as np
@@ -38,21 +38,23 @@ import numpy as np
 from benchmarks.every_pixel import moving, parts
 from benchmarks.every_pixel.parts import DENTS, PADS_MM, REST_FRAMES, Found
 from benchmarks.every_pixel.scenes import PUPIL_MM, WAVE_HIGH_MM, WAVE_MM
-from benchmarks.report import Figure, Report, benchmark, start
-from zeromethod.atomic_write import atomic_write
+from benchmarks.parts import Parts, part_options
+from benchmarks.report import Figure, Report, benchmark, figure, start
+from benchmarks.salt import salt_option
+from benchmarks.totals import estimate, rms
 from zeromethod.fine.reader import FRAMES
-from zeromethod.view.progress import progress
 
+JUDGED_MM = 0.5
+"""Sigma of dents from which their error has a bar; a narrower one is mostly what the pupil leaves of it."""
 PARTS = "dents", "waves", "rest", "press", "pads", "moving", "mean", "loop"
 
 
 @dataclass(frozen=True)
 class Case:
-    """One measurement: a figure's name, its seed, and what measures it."""
+    """One measurement: a figure's name, of one seed, and what measures it."""
 
     part: str
     name: str
-    seed: int
     measure: Callable[[], Found]
 
 
@@ -60,56 +62,36 @@ def cases(seeds: int, quick: bool) -> list[Case]:
     """All of them."""
     out, wide = [], min(seeds, 1 if quick else 20)
     for seed in range(seeds):
-        out += [Case("dents", f"{s:g} mm", seed, partial(parts.dent, s, seed)) for s in DENTS]
+        out += [Case("dents", f"{s:g} mm", partial(parts.dent, s, seed)) for s in DENTS]
     for along_x, name in ((True, "x"), (False, "y")):
         pitch = 1.1 * parts.half_response_mm(along_x)
-        out.append(Case("waves", name, 0, partial(parts.wave, along_x, WAVE_MM, 0)))
-        out.append(Case("waves", f"half {name} {pitch:.3f} mm", 0, partial(parts.wave, along_x, pitch, 0)))
+        out.append(Case("waves", name, partial(parts.wave, along_x, WAVE_MM, 0)))
+        out.append(Case("waves", f"half {name} {pitch:.3f} mm", partial(parts.wave, along_x, pitch, 0)))
     for seed in range(wide):
-        out.append(Case("rest", "rest", seed, partial(parts.rest, seed)))
-        out += [Case("pads", f"{1e3 * d:g} um", seed, partial(parts.pad, d, seed)) for d in PADS_MM]
-        out += [
-            Case("moving", f"{v:g} mm/s", seed, partial(moving.slide, v, seed)) for v in moving.SPEEDS_MM_S
-        ]
-    out += [Case("press", "press", seed, partial(parts.tiny_press, seed)) for seed in range(2 * wide)]
+        out.append(Case("rest", "rest", partial(parts.rest, seed)))
+        out += [Case("pads", f"{1e3 * d:g} um", partial(parts.pad, d, seed)) for d in PADS_MM]
+        out += [Case("moving", f"{v:g} mm/s", partial(moving.slide, v, seed)) for v in moving.SPEEDS_MM_S]
+    out += [Case("press", "press", partial(parts.tiny_press, seed)) for seed in range(2 * wide)]
     long, binning = (240, 4) if quick else (10_000, 1)
-    out.append(Case("mean", "mean", 0, partial(parts.long_mean, long, binning)))
-    out.append(Case("loop", "loop", 0, partial(parts.loop_cost, 120 if quick else 240)))
+    out.append(Case("mean", "mean", partial(parts.long_mean, long, binning)))
+    out.append(Case("loop", "loop", partial(parts.loop_cost, 120 if quick else 240)))
     return out
 
 
 class Results:
-    """What was measured, by case and seed; kept in a file, if one is given, after each measurement."""
+    """What was measured of cases, an entry of each seed."""
 
-    def __init__(self, file: Path | None) -> None:
-        self._file = file
-        self.found: dict[str, dict[str, Found]] = {}
-        if file is not None and file.exists():
-            self.found = json.loads(file.read_text(encoding="utf-8"))
-
-    def add(self, case: Case) -> None:
-        """Measure a case, if it was not."""
-        of = self.found.setdefault(f"{case.part}: {case.name}", {})
-        if str(case.seed) in of:
-            return
-        of[str(case.seed)] = case.measure()
-        if self._file is not None:
-            with atomic_write(self._file) as path:
-                path.write_text(json.dumps(self.found, indent=1), encoding="utf-8")
+    def __init__(self, found: Sequence[dict[str, Any]]) -> None:
+        self._found = found
 
     def of(self, part: str, name: str) -> dict[str, np.ndarray]:
         """Figures of a case, (seeds,) each; empty where it was not measured."""
-        every = list(self.found.get(f"{part}: {name}", {}).values())
+        every = [one["found"] for one in self._found if (one["part"], one["name"]) == (part, name)]
         return {key: np.array([one[key] for one in every]) for key in every[0]} if every else {}
 
     def names(self, part: str) -> list[str]:
         """Names of a part's cases."""
-        return [key.split(": ", 1)[1] for key in self.found if key.startswith(part + ":")]
-
-
-def rms(values: np.ndarray) -> float:
-    """Of figures of several seeds."""
-    return float(np.sqrt(np.mean(np.square(values))))
+        return list(dict.fromkeys(one["name"] for one in self._found if one["part"] == part))
 
 
 def figures(found: Results) -> list[Figure]:
@@ -119,12 +101,14 @@ def figures(found: Results) -> list[Figure]:
     def add(name: str, value: str, bar: str, met: bool) -> None:
         out.append(Figure(name, value, bar, met))
 
-    for sigma_mm, (depth_mm, most_seen, most_divided) in DENTS.items():
+    for sigma_mm, depth_mm in DENTS.items():
         of = found.of("dents", f"{sigma_mm:g} mm")
-        for name, most in (("seen", most_seen), ("divided", most_divided)) if of else ():
-            error = float(np.mean(of[name]))
-            label = f"dent of sigma {sigma_mm:g} mm, {1e3 * depth_mm:g} um: {name}, {len(of[name])} seeds"
-            add(label, f"{error:+.2f} %", f"{most:g} %", abs(error) <= most)
+        for name in ("seen", "divided") if of else ():
+            label = f"dent of sigma {sigma_mm:g} mm, {1e3 * depth_mm:g} µm: {name}, {len(of[name])} seeds"
+            most = 0.01 if sigma_mm >= JUDGED_MM else None
+            out.append(
+                figure(label, *estimate(np.mean, 0.01 * of[name]), unit="%", least=most and -most, most=most)
+            )
     for name in found.names("waves"):
         of = found.of("waves", name)
         height, predicted = (float(np.mean(of[key])) for key in ("height", "predicted"))
@@ -139,15 +123,15 @@ def figures(found: Results) -> list[Figure]:
         )
     if of := found.of("rest", "rest"):
         count = f"rest, {REST_FRAMES} frames, {len(of['nodes'])} seeds"
-        nodes, pixels, stated = (rms(of[key]) for key in ("nodes", "pixels", "stated"))
-        add(f"{count}: nodes", f"{nodes:.2f} nm", "0.95 nm", nodes <= 0.95)
-        add(f"{count}: pixels", f"{pixels:.2f} nm", "1.2 nm", pixels <= 1.2)
-        add(
-            f"{count}: scatter over stated sigma",
-            f"{pixels / stated:.2f}",
-            "0.85 to 1.15",
-            0.85 <= pixels / stated <= 1.15,
-        )
+        over = estimate(lambda seen, stated: rms(seen) / rms(stated), of["pixels"], of["stated"])
+        out += [
+            Figure(f"{count}: nodes", f"{rms(of['nodes']):.2f} nm"),
+            figure(f"{count}: pixels", *estimate(rms, of["pixels"]), unit="nm", most=1.4),
+            figure(f"{count}: scatter over stated sigma", *over, least=0.8, most=1.25),
+            figure(
+                f"{count}: pixels valid", *estimate(np.mean, of["valid"]), unit="%", least=0.98, of_other=True
+            ),
+        ]
         add(f"{count}: largest press found", f"{of['found'].max():.1f} sigma", "5", of["found"].max() < 5.0)
     if of := found.of("press", "press"):
         seen = int(np.count_nonzero(of["sigmas"] > 5.0))
@@ -187,10 +171,10 @@ def moving_figures(found: Results) -> list[Figure]:
         of = found.of("moving", name)
         nm = {one: rms(of[f"{one}, nm"]) for one in ("nodes", "pixels", "one frame")}
         for one in ("nodes", "pixels"):
-            ratio = rms(of[f"{one}, over sigma"])
+            ratio = estimate(rms, of[f"{one}, over sigma"])
             label = f"pad sliding at {name}, {len(of['nodes, nm'])} seeds: error over sigma, {one}"
-            value = f"{ratio:.2f} ({nm[one]:.0f} nm; one frame {nm['one frame']:.0f} nm)"
-            out.append(Figure(label, value, "0.85 to 1.15", 0.85 <= ratio <= 1.15))
+            out.append(figure(label, *ratio, least=0.8, most=1.25))
+            out.append(Figure("the same; one frame of nodes", f"{nm[one]:.0f} nm; {nm['one frame']:.0f} nm"))
     return out
 
 
@@ -221,24 +205,25 @@ PART = click.option(
     "--part", "which", multiple=True, type=click.Choice(PARTS), help="Only this; may be given again."
 )
 SEEDS = click.option("--seeds", type=click.IntRange(1), help="20 unless given; 2 with --quick.")
-RESULTS = click.option(
-    "--results",
-    type=click.Path(dir_okay=False, path_type=Path),
-    help="JSON file that keeps each seed's figures: what it has is not measured again.",
-)
 
 
-@benchmark("every_pixel", __doc__, PART, SEEDS, RESULTS)
-def command(quick: bool, which: tuple[str, ...], seeds: int | None, results: Path | None) -> Report:
+@benchmark("every_pixel", __doc__, PART, SEEDS, part_options, salt_option)
+def command(
+    quick: bool, which: tuple[str, ...], seeds: int | None, keep: Path | None, most_runs: int | None
+) -> Report:
     """Measure all parts."""
-    found, seeds = Results(results), seeds or (2 if quick else 20)
+    seeds = seeds or (2 if quick else 20)
     wanted = [case for case in cases(seeds, quick) if case.part in (which or PARTS)]
-    with progress(len(wanted)) as advance:
-        for case in wanted:
-            found.add(case)
-            advance(f"{case.part} {case.name}")
+    kept = Parts(keep, most_runs, parts=list(which), seeds=seeds, quick=quick)
+
+    def one(number: int) -> dict[str, Any]:
+        case = wanted[number]
+        return {"part": case.part, "name": case.name, "found": case.measure()}
+
+    runs = kept.run(len(wanted), "every pixel", one)
+    found = Results(runs)
     title = f"Every pixel: {FRAMES} frames, pupil {PUPIL_MM:g} mm"
-    return Report(title, figures(found), table(found), {"found": found.found})
+    return Report(title, figures(found), table(found), {"found": runs})
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks import salt
 from benchmarks.peers.fourier_demodulation import carriers_of, displacement
 from benchmarks.rigs import VIEW_MIDDLE_MM, changed, coarser, opened
 from zeromethod.arrays import Float, Image
@@ -144,7 +145,9 @@ def bench_rig(
     if view is not None:
         camera |= {"columns": view[0], "rows": view[1], "centre_px": tuple((n - 1) / 2 for n in view)}
     target = {"step": step}
-    rig = changed(rig, camera=camera, target=target, simulation={"seed": seed}, control={"gain": gain})
+    rig = changed(
+        rig, camera=camera, target=target, simulation={"seed": salt.seed(seed)}, control={"gain": gain}
+    )
     return with_moving_target(coarser(rig, binning) if binning > 1 else rig)
 
 

@@ -50,6 +50,8 @@ HELPERS = {
     "browser",
     "memory_devices",
     "process_use",
+    "salt",
+    "totals",
     "fringe_bench",
     "parts",
     "against_peers",
