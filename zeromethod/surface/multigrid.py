@@ -28,6 +28,8 @@ _STEPS = 0.562, 1.389
 """Lengths of the two damped steps that smooth: Chebyshev's, for eigenvalues of 0.5 to 2 over the diagonal."""
 _ROUNDING = 1e-14
 """Diagonal over the finest lattice's largest up to which a node has no edges but what rounding left."""
+_WAYS = (0, 1), (1, 0), (1, 1), (1, -1)
+"""Rows and columns from a node to those at the ends of its edges."""
 EXACT = 1e-11
 """Share of the error that is left by default."""
 _MOST_CYCLES = 300
@@ -218,11 +220,12 @@ def _inverse(edges: Float) -> Float:
     else eigenvalues exceed 2, and the steps that should smooth grow (A. H. Baker et al., Multigrid smoothers
     for ultraparallel computing, SIAM J. Sci. Comput. 33 (2011) 2864, doi:10.1137/100798806).
     """
-    diagonal: Float = edges[0].copy()
-    for one, way in zip(edges[1:], ((0, 1), (1, 0), (1, 1), (1, -1)), strict=True):
-        wrong = np.maximum(-one, 0.0)
-        diagonal += wrong + np.roll(wrong, way, (0, 1))
-    return np.divide(1.0, diagonal, out=np.zeros_like(diagonal), where=diagonal > 0.0)
+    diagonal = edges[0]
+    if edges.min() < 0.0:
+        wrong = np.maximum(-edges[1:], 0.0)
+        others = [np.roll(one, way, (0, 1)) for one, way in zip(wrong, _WAYS, strict=True)]
+        diagonal = diagonal + wrong.sum(axis=0) + np.sum(others, axis=0)
+    return np.asarray(np.divide(1.0, diagonal, out=np.zeros_like(diagonal), where=diagonal > 0.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -250,14 +253,14 @@ class LatticeSolution:
         matrix[0, 1:-1, 1:-1] = (
             matrix[1, 1:-1, 1:-1] + matrix[1, 1:-1, :-2] + matrix[2, 1:-1, 1:-1] + matrix[2, :-2, 1:-1]
         )
-        lattices, between = [matrix], [np.zeros(0)]
+        lattices, between, least = [matrix], [np.zeros(0)], _ROUNDING * matrix[0].max()
         while max(rows, cols) > _FEWEST:
             rows, cols = (rows + 1) // 2, (cols + 1) // 2
             p, coarser = (np.zeros((planes, rows + 2, cols + 2)) for planes in (8, 5))
             interpolation(lattices[-1], p)
             coarse(lattices[-1], p, coarser)
             # an island within one coarse node has no edge to others: what is left would be inverted, too
-            coarser[:, coarser[0] <= _ROUNDING * matrix[0].max()] = 0.0
+            coarser *= coarser[0] > least
             lattices.append(coarser)
             between.append(p)
         sizes = [one.shape[1:] for one in lattices]
