@@ -182,6 +182,7 @@ class FrameCheck:
             since_ns = frame.time_ns - self._last[1] if self._last else 0
             if not 0 < since_ns < frame.exposure_ns - self._late_ns:
                 return None
+            self._last = frame.number, frame.time_ns
             words = f"an exposure of {frame.exposure_ns} ns {since_ns} ns after the last: no two may overlap"
             return _refused((Event.FRAME_WRONG,), words)
         where = "before the clock's beginning" if frame.time_ns < 0 else "past the present"

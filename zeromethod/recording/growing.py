@@ -81,8 +81,9 @@ class GrowingFile:
     def claim(self, wanted: int, arrays: bool) -> None:
         """Make sure that so many bytes fit. arrays: and that the tables have room after them.
 
-        Raises DiskFull.
+        Raises DiskFull, and Overwritten before anything is written into what is no longer ours.
         """
+        self.check_own()
         least = wanted + (self._for_tables if arrays else LEAST_BYTES)
         need = self._used + least
         if need > self._claimed:
@@ -102,7 +103,6 @@ class GrowingFile:
         return disk.f_bavail * disk.f_frsize
 
     def _extend(self, end: int) -> None:
-        self.check_own()  # before it would hide that the file was cut short
         os.posix_fallocate(self._handle, self._claimed, end - self._claimed)
         self._claimed, self._size = end, os.fstat(self._handle).st_size
 
@@ -129,9 +129,13 @@ class GrowingFile:
             gone = "another file now"
         open_file = f"/proc/{os.getpid()}/fd/{self._handle}"
         place = os.readlink(open_file)
-        if place.endswith(" (deleted)"):
-            place = "nowhere: it was deleted" if ended else f"{open_file} until the run ends: copy it"
-        return f"{self._path} is {gone}; what is recorded is in {place}"
+        if not place.endswith(" (deleted)"):
+            kept = f"what is recorded is in {place}"
+        elif ended:
+            kept = "what was recorded was deleted"
+        else:
+            kept = f"what is recorded is in {open_file} until the run ends: copy it"
+        return f"{self._path} is {gone}; {kept}"
 
     def append(self, index: int, item: memoryview) -> None:
         """Add an item to the dataset of that index; `item` may be used again afterwards.
