@@ -191,7 +191,7 @@ def report_compiling(say: Callable[[str], None], ahead: bool = False) -> None:
 def main() -> None:
     """Lists of [module, name, arguments] come in; each goes out when compiled, an empty line after a list."""
     ignore_signals()
-    with take_output() as answers:
+    with suppress(BrokenPipeError), take_output() as answers:  # who asked may have been killed
         for line in sys.stdin:
             for one in json.loads(line):
                 _compile(*one)

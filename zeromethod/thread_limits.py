@@ -6,6 +6,8 @@ import cv2
 import numba
 from threadpoolctl import threadpool_limits
 
+from zeromethod.errors import InputError
+
 
 def limit_threads(count: int = 1) -> None:
     """Let BLAS, OpenMP, OpenCV and numba use `count` threads each, from now on.
@@ -21,4 +23,7 @@ def limit_threads(count: int = 1) -> None:
     """
     threadpool_limits(limits=count)
     cv2.setNumThreads(count)
-    numba.set_num_threads(min(count, vars(numba.config)["NUMBA_NUM_THREADS"]))
+    try:
+        numba.set_num_threads(min(count, vars(numba.config)["NUMBA_NUM_THREADS"]))
+    except ValueError as error:  # which it reads here
+        raise InputError(f"NUMBA_THREADING_LAYER (in the environment): {error}") from None

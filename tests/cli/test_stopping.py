@@ -9,6 +9,7 @@ import termios
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 import live_devices
@@ -173,16 +174,29 @@ def test_a_terminal_that_is_closed_ends_a_run_in_order(folder):
 
 INTERRUPTED_IMPORT = """
 import os, signal, time
-os.kill(os.getpid(), signal.SIGINT)
+os.kill(os.getpid(), signal.{})
 time.sleep(30)
 """
 
 
-def test_ctrl_c_while_the_program_is_still_loading_is_quiet(tmp_path):
-    (tmp_path / "click.py").write_text(INTERRUPTED_IMPORT)
-    with start("run", env=os.environ | {"PYTHONPATH": str(tmp_path)}) as process:
+@pytest.mark.parametrize("loading", ["click", "numba"])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_while_the_program_is_still_loading_ends_it_in_one_line(tmp_path, number, loading):
+    (tmp_path / f"{loading}.py").write_text(INTERRUPTED_IMPORT.format(number.name))
+    path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
+    # under nohup, which the program respects, all that is started ignores it
+    hung_up = partial(signal.signal, signal.SIGHUP, signal.SIG_DFL)
+    with start("run", env=os.environ | {"PYTHONPATH": path}, preexec_fn=hung_up) as process:
         out, err = process.communicate(timeout=PATIENCE_S)
-    assert (process.returncode, out, err) == (130, "", "")
+    assert (process.returncode, out, err) == (130, "", "interrupted\n")
+
+
+@pytest.mark.parametrize("given", ["0", "-1", "many"])
+def test_a_number_of_threads_that_is_none_is_refused_in_one_line(given):
+    with start("design simulated", env=os.environ | {"NUMBA_NUM_THREADS": given}) as process:
+        out, err = process.communicate(timeout=PATIENCE_S)
+    line = f"zeromethod: NUMBA_NUM_THREADS: {given}: a whole number from 1 (in the environment)\n"
+    assert (process.returncode, out, err) == (2, "", line)
 
 
 @pytest.fixture

@@ -126,6 +126,7 @@ def test_a_zero_is_done_once_it_is_taken(tmp_path):
         ("gain", {"value": float("nan")}, "gain: value: nan: a finite number is wanted"),
         ("gain", {}, "gain: value: missing: the share; 1 is the usual one"),
         ("gain", {"much": 1}, "gain: much: no such argument; allowed: value"),
+        ("mark", {"note": "\ud800"}, "mark: note: '\\ud800': half a character, which cannot be written"),
         ("mark", {"note": "x" * 300}, "mark: note: 300 characters: at most 200"),
         ("dance", {}, "'dance': no such method; allowed: pause, resume, "),
     ],

@@ -283,12 +283,23 @@ def test_a_name_with_half_a_character_and_a_line_without_end_are_answered(run):
     assert last == {"error": "a line of more than 65536 bytes: the connection ends"}
 
 
-@pytest.mark.parametrize("header", [b"Host: [", b"Authorization: Bearer \xff", b"Origin: http://["])
+HANDSHAKE = (
+    b"Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: \xff"
+)
+
+
+@pytest.mark.parametrize(
+    "header",
+    [b"Host: [", b"Authorization: Bearer \xff", b"Origin: http://[", b"Content-Encoding: gzip", HANDSHAKE],
+)
 def test_headers_that_are_none_are_refused(run, header):
     host = b"" if header.startswith(b"Host") else f"Host: {run.base.removeprefix('http://')}\r\n".encode()
     with socket.create_connection(("127.0.0.1", int(run.base.rpartition(":")[2])), 30) as plain:
-        plain.sendall(b"GET /api HTTP/1.1\r\n" + host + header + b"\r\n\r\n")
+        what = f"{'GET /live' if header is HANDSHAKE else 'POST /api/mark'}?token={run.token} HTTP/1.1\r\n"
+        length = b"" if header is HANDSHAKE else b"\r\nContent-Length: 3"
+        plain.sendall(what.encode() + host + header + length + b"\r\n\r\nxyz")
         assert int(plain.recv(12)[9:]) in {400, 403, 421}
+    assert not [line for line in run.lines if "Traceback" in line]
 
 
 def test_what_happens_is_pushed_over_the_control_socket(run):

@@ -27,7 +27,6 @@ from zeromethod.cli.device_options import (
 )
 from zeromethod.cli.numbers import Real
 from zeromethod.cli.output import check_file, summary_option, write_summary
-from zeromethod.cli.stopping import stopped_by_signals
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.loop.state import State
 from zeromethod.optics import check_geometry
@@ -120,7 +119,7 @@ def _own_file(rig_name: str) -> Path:
 
 def _weigh(rig: Rig, rig_name: str, weighing: tuple[float, float, float]) -> Weighed:
     """Open the bench and weigh; grams, their sigma and patience as for `weigh`."""
-    with stopped_by_signals(), opened_devices(rig) as opened:
+    with opened_devices(rig) as opened:
         stored = calibration_of(rig_name)
         if stored is not None:
             check_calibration(stored, rig_name, rig, opened)

@@ -26,7 +26,6 @@ from zeromethod.cli.device_options import (
 )
 from zeromethod.cli.numbers import Real
 from zeromethod.cli.output import TerminalPrompts, folder_for, summary_option, write_summary, writing
-from zeromethod.cli.stopping import stopped_by_signals
 from zeromethod.commissioning.daily_check.check import check_bench
 from zeromethod.commissioning.daily_check.findings import DailyCheck, Fitness
 from zeromethod.commissioning.daily_check.log import append_check, log_of
@@ -90,7 +89,7 @@ def check_command(
     stored = calibration_of(rig_name)
     limit_threads()
     try:
-        with stopped_by_signals(), folder_for("--rig", log.parent), opened_devices(rig) as devices:
+        with folder_for("--rig", log.parent), opened_devices(rig) as devices:
             if stored is not None:
                 check_calibration(stored, rig_name, rig, devices)
             elif not is_known(rig, devices.camera):

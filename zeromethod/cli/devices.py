@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,6 +21,7 @@ from zeromethod.cli.device_options import (
 from zeromethod.cli.numbers import Real
 from zeromethod.cli.output import summary_option, wide_console, write_summary
 from zeromethod.cli.page_options import view_option
+from zeromethod.cli.stopping import quiet_imports
 from zeromethod.errors import InputError
 from zeromethod.thread_limits import limit_threads
 from zeromethod.view.progress import progress
@@ -81,18 +81,19 @@ def devices_command(
     exit code is 1 if this computer is too slow.
     """
     _check_options(given_options(click.get_current_context()))
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
     limit_threads()
     options = BenchOptions(**others)
     if focus:
-        from zeromethod.cli.focus import watch_focus  # noqa: PLC0415 - the bench's libraries load slowly
+        with quiet_imports():
+            from zeromethod.cli.focus import watch_focus  # noqa: PLC0415 - the bench's libraries load slowly
 
         watch_focus(rig_name, options, seconds, summary, view)
         return
     if identify is not None:
         figures = _identify(identify, rig_name, seconds or _IDENTIFY_S)
     elif delay:
-        from zeromethod.cli.delay import report_delay  # noqa: PLC0415 - as above
+        with quiet_imports():
+            from zeromethod.cli.delay import report_delay  # noqa: PLC0415 - as above
 
         figures = report_delay(rig_name, options, seconds, write)
     else:
@@ -198,10 +199,11 @@ _PARTS = {
 
 def _speed(rig_name: str) -> dict[str, Any]:
     """Measure and print what this computer can do on a rig; the figures."""
-    from zeromethod.cli.compiling import say_compiling  # noqa: PLC0415
-    from zeromethod.commissioning.delay import with_strips  # noqa: PLC0415
-    from zeromethod.optics import check_geometry  # noqa: PLC0415
-    from zeromethod.session.speed import STEPS, measure_speed  # noqa: PLC0415 - the loop loads slowly
+    with quiet_imports():
+        from zeromethod.cli.compiling import say_compiling  # noqa: PLC0415
+        from zeromethod.commissioning.delay import with_strips  # noqa: PLC0415
+        from zeromethod.optics import check_geometry  # noqa: PLC0415
+        from zeromethod.session.speed import STEPS, measure_speed  # noqa: PLC0415 - the loop loads slowly
 
     say_compiling()
     # as `run` closes the loop on real devices: with coded strips

@@ -11,7 +11,6 @@ import click
 from zeromethod.cli.numbers import Real, Whole
 from zeromethod.cli.output import check_file, summary_option, write_summary, writing
 from zeromethod.cli.recording_options import open_recording, recording_argument, time_options
-from zeromethod.cli.stopping import stopped_by_signals
 from zeromethod.errors import InputError
 from zeromethod.export import FORMATS, MESHES, Export, Selection, form_of, prepare
 from zeromethod.recording import DamagedWarning
@@ -90,7 +89,7 @@ def export_command(
             raise InputError(f"OUT: {path}: is the recording itself")
     limit_threads()
     selection = Selection(from_s, to_s, every, at_s)
-    with stopped_by_signals(), open_recording(file) as recording, warnings.catch_warnings():
+    with open_recording(file) as recording, warnings.catch_warnings():
         # one line at the end says how much it was
         warnings.simplefilter("ignore", DamagedWarning)
         exports = [

@@ -50,7 +50,7 @@ def run_light_array(rig: LightArrayRig, typed: Sequence[str], given: Mapping[str
     check_simulated(rig.arrays.address != "simulated", given["scenario"], given["seed"])
     limit_threads()
     frames, seconds = given["frames"], given["seconds"]
-    with stopped_by_signals(), LightSession(rig, given["publish"], given["recording"]) as session:
+    with LightSession(rig, given["publish"], given["recording"]) as session:
         if session.address:
             click.echo(f"publishing at {session.address}", err=True)
         total = session.seconds(frames, seconds) if frames is None else float(frames)

@@ -1,11 +1,17 @@
 """Entry point: sub-commands, and one place that turns failures into exit codes.
 
-0 done, 1 the measurement failed (with the reason), 2 bad input (one line), 130 Ctrl-C.
+0 done, 1 the measurement failed (with the reason), 2 bad input (one line), 130 Ctrl-C, SIGTERM, SIGHUP.
 """
 
 from __future__ import annotations
 
-from zeromethod.cli.stopping import INTERRUPTED, accept_ctrl_c, leave_quickly, quiet_imports
+from zeromethod.cli.stopping import (
+    INTERRUPTED,
+    accept_ctrl_c,
+    leave_quickly,
+    quiet_imports,
+    stopped_by_signals,
+)
 
 with quiet_imports():
     import importlib
@@ -49,7 +55,10 @@ class _Commands(click.Group):
         if cmd_name not in _COMMANDS:
             return None
         name = cmd_name.replace("-", "_")
-        command: click.Command = getattr(importlib.import_module(f"zeromethod.cli.{name}"), f"{name}_command")
+        _check_environment()
+        with quiet_imports():
+            module = importlib.import_module(f"zeromethod.cli.{name}")
+        command: click.Command = getattr(module, f"{name}_command")
         if "numba" in sys.modules:
             from zeromethod.cli.compiling import say_compiling  # noqa: PLC0415 - by then it is loaded
 
@@ -60,6 +69,13 @@ class _Commands(click.Group):
         """List the commands without loading them."""
         with formatter.section("Commands"):
             formatter.write_dl(list(_COMMANDS.items()))
+
+
+def _check_environment() -> None:
+    """Refuse a number of threads at which numba, when it is imported, gives up with a traceback."""
+    given = os.environ.get("NUMBA_NUM_THREADS", "1")
+    if not given.strip().isdecimal() or int(given) < 1:
+        raise InputError(f"NUMBA_NUM_THREADS: {given}: a whole number from 1 (in the environment)")
 
 
 @click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
@@ -99,8 +115,9 @@ def main(
     accept_ctrl_c()
     warnings.showwarning = _show_warning
     try:
-        code = command.main(args=arguments, prog_name=name, standalone_mode=False)
-        sys.stdout.flush()
+        with stopped_by_signals():
+            code = command.main(args=arguments, prog_name=name, standalone_mode=False)
+            sys.stdout.flush()
     except (click.exceptions.Abort, KeyboardInterrupt) as error:
         # click makes an Abort of what was raised, after an empty line
         click.echo(str(error.__cause__ or error) or "interrupted", err=True)

@@ -20,7 +20,6 @@ from zeromethod.cli.output import OutputFile, figure_option, summary_option, wri
 from zeromethod.cli.page_options import page_options
 from zeromethod.cli.recording_options import open_recording, recording_argument, time_options
 from zeromethod.cli.replay_page import watch_recording
-from zeromethod.cli.stopping import stopped_by_signals
 from zeromethod.errors import InputError
 from zeromethod.light_array.recording import is_light_recording
 from zeromethod.optics import check_geometry
@@ -120,7 +119,7 @@ def replay_command(**options: Any) -> None:
                 name = option.removeprefix("loop_")
                 raise InputError(f"--{name}: {value}: only with --mode {CLOSED_LOOP}")
     limit_threads()
-    with stopped_by_signals(), open_recording(asked.file) as recording:
+    with open_recording(asked.file) as recording:
         window = Window.of(recording, asked.from_s, asked.to_s)
         rig = recording.rig if asked.rig_name is None else given_rig(asked.rig_name)
         replay = _close_loop if asked.mode == CLOSED_LOOP else _evaluate
@@ -141,7 +140,7 @@ def _show(asked: _Asked, view: str | None, control: str | None) -> None:
     for option in given_options(click.get_current_context()):
         if option.startswith("-") and option not in {"--view", "--control", "--speed"}:
             raise InputError(f"{option}: not with --view or --control, which show what was recorded")
-    with stopped_by_signals(), open_recording(asked.file) as recording:
+    with open_recording(asked.file) as recording:
         watch_recording(recording, view, control, asked.speed)
 
 

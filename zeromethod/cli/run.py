@@ -213,7 +213,6 @@ def run_command(
         say_simulated(rig)
     limit_threads()
     with (
-        stopped_by_signals(),
         opened_page(view, control, RUN, HISTORY) as page,
         Starting(Console(stderr=True), page, "opening LCD and camera") as say,
         open_devices(rig) as opened,

@@ -8,7 +8,7 @@ import os
 import signal
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from types import FrameType
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -19,15 +19,35 @@ INTERRUPTED = 130
 
 @contextmanager
 def quiet_imports() -> Iterator[None]:
-    """Let Ctrl-C end the program at once, without a word: nothing was begun yet."""
-    if threading.current_thread() is not threading.main_thread():
+    """Let a signal end the program at once, in one line: nothing was begun yet.
+
+    Libraries report a KeyboardInterrupt in the middle of their import, and where one is making a class, Python
+    ends by the signal later, whatever exit code is wanted.
+    """
+
+    def leave(*_: object) -> None:
+        with suppress(OSError):  # the terminal may be gone
+            os.write(2, b"interrupted\n")
+        os._exit(INTERRUPTED)
+
+    with _handled(leave):
         yield
-        return
-    before = signal.signal(signal.SIGINT, lambda *_: os._exit(INTERRUPTED))
+
+
+@contextmanager
+def _handled(handle: Callable[[int, FrameType | None], None]) -> Iterator[None]:
+    """Have the signals handled, except ignored ones; those from before are back in place at the end.
+
+    Python takes signals in the main thread alone: nothing in others.
+    """
+    main = threading.current_thread() is threading.main_thread()
+    wanted = [number for number in _SIGNALS if main and signal.getsignal(number) is not signal.SIG_IGN]
+    before = {number: signal.signal(number, handle) for number in wanted}
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def leave_quickly() -> None:
@@ -51,7 +71,7 @@ def stopped_by_signals(stop: Callable[[], None] | None = None) -> Iterator[None]
     Without `stop`, KeyboardInterrupt at the first: SIGTERM ends the program in order, as Ctrl-C does, and so
     does SIGHUP unless it is ignored (`nohup`). What is written to a terminal that hung up is lost.
 
-    The handlers from before are back in place at the end. To be used in the main thread.
+    The handlers from before are back in place at the end.
     """
     asked = False
     terminals = [handle for handle in (1, 2) if os.isatty(handle)]
@@ -65,13 +85,8 @@ def stopped_by_signals(stop: Callable[[], None] | None = None) -> Iterator[None]
         asked = True
         stop()
 
-    wanted = [number for number in _SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]
-    before = {number: signal.signal(number, handle) for number in wanted}
-    try:
+    with _handled(handle):
         yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def _write_nowhere(handles: list[int]) -> None:

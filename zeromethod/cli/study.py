@@ -9,7 +9,6 @@ import click
 
 from zeromethod.cli.numbers import Whole
 from zeromethod.cli.output import check_folder, summary_option, write_summary
-from zeromethod.cli.stopping import stopped_by_signals
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.study import Progress, Results, Study, Workers, load_study, packaged_studies, run_study
 from zeromethod.study.journal import JOURNAL
@@ -69,7 +68,7 @@ def study_command(
     started = time.monotonic()
     kept = "the runs done before"
     try:
-        with stopped_by_signals(), progress(study.count, "runs") as advance:
+        with progress(study.count, "runs") as advance:
 
             def show(now: Progress) -> None:
                 nonlocal kept

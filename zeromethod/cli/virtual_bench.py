@@ -13,6 +13,7 @@ import click
 from zeromethod.cli.device_options import given_rig, rig_option, scenario_options, with_given
 from zeromethod.cli.numbers import Real, Whole
 from zeromethod.cli.output import REPLACES, OutputFile
+from zeromethod.cli.stopping import quiet_imports
 from zeromethod.errors import InputError
 from zeromethod.optics import check_geometry
 from zeromethod.thread_limits import limit_threads
@@ -76,11 +77,12 @@ def virtual_bench_command(
     check_geometry(rig)
     limit_threads()
 
-    from zeromethod.simulation.scenario import scenario_of  # noqa: PLC0415 - loads slowly
-    from zeromethod.simulation.virtual_bench.bench import Bender, Performance, VirtualBench  # noqa: PLC0415
-    from zeromethod.simulation.virtual_bench.grab import MonitorGrabber, find_monitor  # noqa: PLC0415
-    from zeromethod.simulation.virtual_bench.stream import FrameServer, stream_header  # noqa: PLC0415
-    from zeromethod.simulation.virtual_bench.truth import TruthFile  # noqa: PLC0415
+    with quiet_imports():
+        from zeromethod.simulation.scenario import scenario_of  # noqa: PLC0415 - loads slowly
+        from zeromethod.simulation.virtual_bench.bench import Bender, Performance, VirtualBench  # noqa: PLC0415
+        from zeromethod.simulation.virtual_bench.grab import MonitorGrabber, find_monitor  # noqa: PLC0415
+        from zeromethod.simulation.virtual_bench.stream import FrameServer, stream_header  # noqa: PLC0415
+        from zeromethod.simulation.virtual_bench.truth import TruthFile  # noqa: PLC0415
 
     found = find_monitor(monitor, (rig.display.columns, rig.display.rows))
     camera = rig.camera

@@ -139,12 +139,14 @@ async def _state(request: web.Request) -> web.Response:
 
 async def _call(request: web.Request) -> web.Response:
     hub = _needs(request, Right.CONTROL)
-    body = await request.read()
     try:
+        body = await request.read()
         arguments = asked_of(body) if body.strip() else {}
         result = await hub.call(request.match_info["method"], arguments, "http")
     except (InputError, MeasurementError) as error:
         return _json({"error": str(error)}, 400)
+    except web.RequestPayloadError:
+        return _json({"error": "the body: not as its Content-Encoding says"}, 400)
     return _json({"result": result})
 
 

@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import errno
 import json
+import logging
 import os
 import queue
 import sys
@@ -15,6 +16,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from aiohttp import web
+from aiohttp.http_exceptions import HttpProcessingError
 
 from zeromethod.array_exchange import ArrayExchange
 from zeromethod.child_process import ignore_signals, lower_priority, take_output
@@ -38,6 +40,12 @@ def _words(error: OSError) -> str:
     if error.errno == errno.EADDRINUSE:
         return "the port is in use"
     return os.strerror(error.errno) if error.errno else str(error)
+
+
+def _ours(record: logging.LogRecord) -> bool:
+    """Whether an error is the server's own: what a client sent wrong, that client was told."""
+    error = record.exc_info[1] if record.exc_info else None
+    return not isinstance(error, HttpProcessingError | web.RequestPayloadError | TimeoutError)
 
 
 class Sender:
@@ -170,9 +178,10 @@ def main() -> None:
     Argument: the file descriptor of the memory for arrays.
     """
     ignore_signals()
+    logging.getLogger("aiohttp.server").addFilter(_ours)
     exchange = ArrayExchange(int(sys.argv[1]))
     stream = sys.stdin.buffer
-    with take_output() as output:
+    with contextlib.suppress(BrokenPipeError), take_output() as output:  # the run may have been killed
         try:
             _, setting = exchange.receive(stream)
         except EOFError:

@@ -62,6 +62,8 @@ class Viewer:
             await self._socket.prepare(request)
         except ConnectionError:
             return self._socket  # it left before it was answered
+        except ValueError:
+            raise web.HTTPBadRequest(text="no handshake of a WebSocket\n") from None
         transport = request.transport
         plain: Any = None if transport is None else transport.get_extra_info("socket")
         if (
