@@ -44,15 +44,13 @@ def rig_of(scenario: dict[str, Any]) -> zm.Rig:
 
 
 def of_session(scenario: dict[str, Any]) -> Table:
-    """Steps, records and summary of a run on the bench, in simulated time; its recording, where asked for."""
+    """Steps and summary of a run on the bench, in simulated time; its recording, where asked for."""
     table: Table = {}
     record = Path("run.h5") if scenario.get("record") else None
     with zm.Session(rig_of(scenario), fine=scenario.get("fine", False), record=record) as session:
         for frame, step in enumerate(session.run(frames=scenario.get("frames"))):
             add(table, frame, step)
         add(table, 0, session.loop.ended, "ended")
-        for frame, figures in enumerate(session.result.records):
-            add(table, frame, figures, "record")
         add(table, 0, session.figures, "summary")
     if record is not None:
         with h5py.File(record) as file:
