@@ -359,8 +359,8 @@ def summarise(outcomes: Sequence[Outcome]) -> Report:
         ),
         figure("honest presses named as a fault", *rate(len(named), len(fair)), unit="%", most=0.01),
         figure("honest presses called good at the end", *rate(good, len(drawable)), unit="%", least=0.95),
-        figure("frames of honest presses called good", *frames, unit="%", least=0.98, of_other=True),
         Figure("the same once coded pictures have read what none nulls", f"{read} of {len(drawable)}"),
+        figure("frames of honest presses called good", *frames, unit="%", least=0.98, of_other=True),
         few_beyond("honest peaks", z),
         Figure("honest peaks beyond 5 sigma", f"{far}", "0", far == 0),
         *(
