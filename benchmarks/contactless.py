@@ -204,22 +204,19 @@ def figures_of(runs: list[dict[str, Any]]) -> list[Figure]:
         figure(f"of {len(runs)} approaches: not armed before the touch", unarmed, most=0),
         figure("error of time to contact 0.1 s before, 95 % within", *late, unit="%", most=0.15),
         figure("approaches whose time to contact is known", percent.size, least=0.98, of_other=True),
-        *_shares("place, at 10 mm of height", off, 2.0, "mm", len(runs)),
-        *_shares("diameter, at the touch", of_size, 5.0, "%", len(runs)),
+        _shares("place, at 10 mm of height", off, 2.0, "mm", len(runs)),
+        _shares("diameter, at the touch", of_size, 5.0, "%", len(runs)),
         Figure("errors beyond three of their sigmas", f"{beyond:.1f} %", "at most 1 %", beyond <= 1.0),
     ]
 
 
-def _shares(name: str, errors: Float, bar: float, unit: str, runs: int) -> list[Figure]:
-    """Median and 95th percentile, which has the bar, and how many were within it."""
+def _shares(name: str, errors: Float, bar: float, unit: str, runs: int) -> Figure:
+    """Median and 95th percentile, which has the bar, and how many are known."""
     if not errors.size:
-        return [Figure(name, "not known", f"within {bar:g} {unit}", False)]
-    p95, within = float(np.percentile(errors, 95)), int(np.sum(errors <= bar))
-    words = f"median {np.median(errors):.2f} {unit}, 95 % within {p95:.2f} {unit}"
-    return [
-        Figure(name, words, f"95 % within {bar:g} {unit}", p95 <= bar),
-        Figure(f"{name}: within {bar:g} {unit}", f"{within} of {errors.size} known, of {runs}", "", None),
-    ]
+        return Figure(name, "not known", f"within {bar:g} {unit}", False)
+    p95 = float(np.percentile(errors, 95))
+    words = f"median {np.median(errors):.2f} {unit}, 95 % within {p95:.2f} {unit}; {errors.size} of {runs}"
+    return Figure(name, words, f"95 % within {bar:g} {unit}", p95 <= bar)
 
 
 def measure(approaches: int, minutes: int, touches: int, parts: Parts) -> Report:

@@ -21,6 +21,7 @@ from benchmarks.calibration_benches import HOLD_S, View, followed, study_bench
 from benchmarks.calibration_study import CASES, Outcome
 from benchmarks.report import Figure, Report, benchmark, start
 from benchmarks.rigs import coarser
+from benchmarks.salt import salt_option
 from zeromethod.cli.numbers import Whole
 from zeromethod.rig.load import load_rig
 from zeromethod.simulation.press import Dent, Mirror, Shape
@@ -135,6 +136,7 @@ def _listed(values: Sequence[float]) -> str:
     "curved_faces",
     __doc__,
     click.option("--benches", type=Whole(min=1), help="Calibrated, of each.  [default: 3, --quick: 1]"),
+    salt_option,
 )
 def command(quick: bool, benches: int | None) -> Report:
     """Run everything."""

@@ -342,25 +342,21 @@ def summarise(outcomes: Sequence[Outcome]) -> Report:
     """Bars over all runs, and a line for each kind."""
     fair = [one for one in outcomes if one.kind.startswith("honest")]
     faulty = [one for one in outcomes if not one.kind.startswith("honest")]
-    errors = np.array([abs(one.errors[-1]) for one in fair if one.errors])
-    sigmas = np.array([one.sigmas[-1] for one in fair if one.sigmas])
-    z = errors / sigmas
+    z = [one.errors[-1] / one.sigmas[-1] for one in fair if one.errors]
     missed = [one for one in faulty if one.unnamed > SIGMAS]
     named = [one for one in fair if one.named]
     drawable = [(one.good, one.read) for one in fair if one.kind != BEYOND]
     good, read = np.sum(drawable, axis=0) if drawable else (0, 0)
     frames = estimate(ratio, [one.called for one in fair], [one.frames for one in fair])
-    far = int(np.sum(z > FAR_SIGMAS))
+    far = int(np.sum(np.abs(z) > FAR_SIGMAS))
     figures = [
-        *(
-            [figure("faults of effect over 3 sigma, called good 10 frames on", len(missed), most=0)]
-            if faulty
-            else []
+        figure(
+            f"of {len(faulty)} faults: an effect over 3 sigma called good 10 frames on", len(missed), most=0
         ),
         figure("honest presses named as a fault", *rate(len(named), len(fair)), unit="%", most=0.01),
         figure("honest presses called good at the end", *rate(good, len(drawable)), unit="%", least=0.95),
-        figure("frames of honest presses called good", *frames, unit="%", least=0.98, of_other=True),
         Figure("the same once coded pictures have read what none nulls", f"{read} of {len(drawable)}"),
+        figure("frames of honest presses called good", *frames, unit="%", least=0.98, of_other=True),
         few_beyond("honest peaks", z),
         Figure("honest peaks beyond 5 sigma", f"{far}", "0", far == 0),
         *(
@@ -368,10 +364,6 @@ def summarise(outcomes: Sequence[Outcome]) -> Report:
             for state in sorted(one.value for one in EARLY)
         ),
         *node_figures([one.nodes for one in outcomes], [one.nodes for one in fair]),
-        figure(
-            "honest peaks: median stated sigma over rms error",
-            *estimate(lambda s, e: np.median(s) / rms(e), sigmas, errors),
-        ),
         figure("honest peaks: error over sigma, rms", *estimate(rms, z)),
     ]
     details = [["run", "runs", "named", "good at the end", "effect, sigma", "unnamed, sigma", "nodes beyond"]]

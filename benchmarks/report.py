@@ -60,7 +60,7 @@ def figure(
     ends = "" if least is None else f">= {words(least)}", "" if most is None else f"<= {words(most)}"
     bar = ", ".join(filter(None, ends))
     judge = bool(bar) and not of_other
-    met = (least is None or number >= least) and (most is None or number <= most) if judge else None
+    met = bool((least is None or number >= least) and (most is None or number <= most)) if judge else None
     return Figure(name, value, bar and bar + unit, met, number, error, least, most, of_other)
 
 

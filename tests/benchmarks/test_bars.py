@@ -73,8 +73,9 @@ def test_rows_are_judged_from_their_summaries_and_not_run_again(tmp_path, monkey
     assert run("--salt kestrel --against", other, command=bars.command).code == 2
 
 
-def test_nothing_read_is_never_met():
+def test_what_is_not_within_a_bar_or_not_read_is_missed():
     assert figure("a", float("nan"), most=1.0).met is False
+    assert figure("a", np.float64(2.0), most=1.0).met is False  # and no numpy bool, which `is False` never is
     nothing = {"number": None, "error": None, "least": None, "most": 1.0, "of_other": False}
     assert bars.verdict(nothing, None) == "missed"
 
