@@ -1,11 +1,12 @@
 import threading
 
+import numpy as np
 import pytest
 from watched import RIG
 
 from zeromethod.approach import Watch, Watching, WatchReader
 from zeromethod.clock import HostClock, SimulatedClock
-from zeromethod.devices.protocols import CameraTimeout
+from zeromethod.devices.protocols import CameraTimeout, Frame
 from zeromethod.devices.watch_camera import watch_opener
 from zeromethod.errors import InputError
 
@@ -59,8 +60,17 @@ def test_a_camera_that_hangs_or_lies_keeps_nobody_waiting():
         def read(self, timeout_s):
             raise ZeroDivisionError("no frame")
 
+    class Leaving(Hanging):
+        def read(self, timeout_s):
+            raise SystemExit(3)
+
+    class Counting(Hanging):
+        def read(self, timeout_s):
+            return Frame(np.zeros(self.shape, np.uint8), 2**70, 10**6, 0)
+
     clock = HostClock()
-    for camera, state in ((Hanging, Watching.STALLED), (Lying, Watching.LOST)):
+    kinds = ((Hanging, Watching.STALLED), *((one, Watching.LOST) for one in (Lying, Leaving, Counting)))
+    for camera, state in kinds:
         watch = Watch(RIG, clock, camera)
         start_ns = clock.now_ns()
         while watch.look().watching is not state:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hanging import PATIENCE_S, SOON_S, Camera, eventually, takes
 
-from zeromethod.devices.protocols import CameraTimeout, DisplayLost
+from zeromethod.devices.protocols import CameraTimeout, DisplayLost, Frame
 from zeromethod.errors import InputError
 from zeromethod.loop import drawing
 from zeromethod.loop.drawing import Drawing, Drawn
@@ -33,25 +33,29 @@ def captured() -> Iterator[Captured]:
         capture.close()
 
 
+def given(number: int) -> Frame:
+    return Frame(np.zeros((4, 4), np.uint8), 0, 1, number)
+
+
 def test_a_captured_camera_is_read_only_when_a_frame_is_wanted(captured):
-    camera = Camera("a", "b")
+    camera = Camera(given(1), given(2))
     capture = captured(camera)
     time.sleep(0.02)
     assert camera.reads == []
-    assert capture.read(PATIENCE_S) == "a"
+    assert capture.read(PATIENCE_S).number == 1
     time.sleep(0.02)
     # nothing is read ahead, so nothing can queue
     assert camera.reads == [PATIENCE_S]
-    assert capture.read(PATIENCE_S) == "b"
+    assert capture.read(PATIENCE_S).number == 2
 
 
 def test_a_camera_that_hangs_times_out_and_its_late_frame_is_not_lost(captured, hung):
-    def late() -> str:
+    def late() -> Frame:
         hung.wait(PATIENCE_S)
-        return "late"
+        return given(1)
 
     calls: list[int] = []
-    camera = Camera(late, "next")
+    camera = Camera(late, given(2))
     capture = captured(camera, lambda: calls.append(1))
     for _ in range(2):
         with takes(0.1 + GRACE_S, SOON_S), pytest.raises(CameraTimeout):
@@ -60,7 +64,7 @@ def test_a_camera_that_hangs_times_out_and_its_late_frame_is_not_lost(captured, 
     assert len(calls) >= 2
     assert len(camera.reads) == 1
     hung.set()
-    assert [capture.read(PATIENCE_S), capture.read(PATIENCE_S)] == ["late", "next"]
+    assert [capture.read(PATIENCE_S).number for _ in range(2)] == [1, 2]
 
 
 def test_a_late_answer_that_there_was_no_frame_is_not_counted_twice(captured, hung):
@@ -68,11 +72,11 @@ def test_a_late_answer_that_there_was_no_frame_is_not_counted_twice(captured, hu
         hung.wait(PATIENCE_S)
         return CameraTimeout()
 
-    capture = captured(Camera(slow, "good"))
+    capture = captured(Camera(slow, given(1)))
     with pytest.raises(CameraTimeout):
         capture.read(0.1)
     hung.set()
-    assert capture.read(PATIENCE_S) == "good"
+    assert capture.read(PATIENCE_S).number == 1
 
 
 # Drawing

@@ -173,6 +173,7 @@ def _without_maps(recording: Recording, maps: list[dict[str, str]]) -> Iterator[
     if "surface" not in recording.kept:
         yield "No depth maps: the surface was not kept (--keep without surface)."
     elif not maps:
-        yield "No depth maps: no surface was read, or the rows of its step and peak are damaged."
+        lost = recording.tables.left_out().get("peaks") and "the rows of its steps and peaks are damaged"
+        yield f"No depth maps: {lost or 'no surface was read'}."
     elif not any(one["name"].startswith("first") for one in maps):
         yield "No surface was kept while the loop was locked."
