@@ -22,9 +22,9 @@ HARDWARE = (
         "--display",
         "--camera ",
         "--identify",
-        "--focus",
         "--view",
-        "--control",
+        "--project",
+        "--control ",
         "--follow",
         "virtual-bench",
         "--cluster",
@@ -89,6 +89,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert done(made, "zeromethod init my.toml --no-ask").returncode == 0
     shutil.copytree(ROOT / "calibration", made / "calibration")
     shutil.copy(ROOT / "studies" / "gain-delay.toml", made / "my-study.toml")
+    bench = (ROOT / "calibration" / "rigs" / "simulated.toml").read_text()
+    (made / "lit.toml").write_text(f"{bench}\n[light]\nmains = 0.3\n")
     return made
 
 

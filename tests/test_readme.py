@@ -1,10 +1,12 @@
 """What the README shows is what runs."""
 
 import re
+import shlex
 from pathlib import Path
 
 import click
 import pytest
+from test_documents_run import commands as shown_in
 
 from benchmarks.rigs import small_rig
 from zeromethod.cli.main import commands
@@ -41,3 +43,21 @@ def test_every_option_of_a_command_in_a_document_exists(document):
         if command is not None:
             known = {option for one in command.params for option in (*one.opts, *one.secondary_opts)}
             assert set(re.findall(r"(?<![\w-])--[a-z][a-z-]+", rest)) <= known | {"--help"}, f"{name}{rest}"
+
+
+@pytest.mark.parametrize("document", [README, *sorted(ROOT.glob("docs/*.md"))], ids=lambda path: path.name)
+def test_every_command_in_a_document_is_one_that_the_program_takes(document):
+    for line in shown_in(document):
+        if not line.startswith("zeromethod"):
+            continue
+        command, words = commands, shlex.split(line)[1:]
+        context = click.Context(commands)
+        while isinstance(command, click.Group) and words and (one := command.get_command(context, words[0])):
+            command, words = one, words[1:]
+        given, left, _ = command.make_parser(click.Context(command)).parse_args(words)
+        assert left == [], line
+        for one in command.params:
+            value = given.get(one.name)
+            # files may not be there
+            if value is not None and one.name and not isinstance(one.type, click.Path | click.File):
+                one.type_cast_value(click.Context(command), value)

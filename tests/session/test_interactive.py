@@ -62,6 +62,24 @@ def test_fingers_are_found_placed_and_weighed_through_the_cloth(tmp_path, grey):
     assert not steps[-1].contacts
 
 
+@pytest.mark.long
+@pytest.mark.timeout(900)
+def test_a_fingers_area_and_the_depth_inside_are_within_their_sigma_at_full_size(tmp_path):
+    rig = load_rig("interactive").replace({"scenario": str(press_file(tmp_path))})
+    with Session(rig) as session:
+        steps = [step for step in session.run() if DOWN_S + 0.03 < step.time_s < UP_S - 0.02]
+        # beside fingers it is never nulled
+        assert session.figures["not_nulled"] is None
+    for step in steps:
+        for contact, (*_, force) in zip(
+            sorted(step.contacts, key=lambda one: one.x_mm), FINGERS, strict=True
+        ):
+            # Hertz: a^3 = 3 F R / (4 E*), depth a^2 / R
+            a2_mm2 = (3 * force * 30.0 / (4 * 1.0 / (1 - 0.49**2))) ** (2 / 3)
+            assert abs(contact.area_mm2 - np.pi * a2_mm2) < 3 * contact.sigma_area_mm2
+            assert abs(contact.depth_mm - a2_mm2 / 30.0) < 3 * contact.sigma_depth_mm
+
+
 def test_a_recording_replays_the_pointer_events_that_programs_got_live(tmp_path):
     rig = coarser(load_rig("interactive"), 4).replace({"cloth.weave_mm": 0.6})
     rig = rig.replace({"scenario": str(press_file(tmp_path))})

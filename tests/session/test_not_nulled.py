@@ -1,5 +1,7 @@
 """Whether a run held the null, by its states alone."""
 
+from dataclasses import replace
+
 import pytest
 
 from zeromethod.loop.state import State
@@ -37,6 +39,13 @@ def records(*parts: tuple[State, float], phase: str = "") -> list[StepFigures]:
 )
 def test_a_run_that_is_not_nulled_when_it_should_be_says_when(parts, phase, when):
     assert not_nulled(records(*parts, phase=phase)) == when
+
+
+@pytest.mark.parametrize(("read_ms", "when"), [(5.0, None), (float("nan"), "during the hold")])
+def test_a_surface_for_fingers_is_judged_by_what_was_read(read_ms, when):
+    steps = [replace(one, read_ms=read_ms) for one in records((N, 3), phase="hold")]
+    assert not_nulled(steps, read_counts=True) == when
+    assert not_nulled(steps) == "during the hold"
 
 
 @pytest.mark.parametrize(

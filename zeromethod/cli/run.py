@@ -301,5 +301,6 @@ def _report(result: RunResult, figure: Path | None, summary: Path | None) -> Non
     if not figures["calibrated"]:
         raise MeasurementError(f"not calibrated: {DOUBT.reason}")
     if (when := figures["not_nulled"]) is not None:
-        what = "no frame was read" if result.rig.control.passive else "the null was not held"
+        by_reading = result.rig.control.passive or result.rig.projector is not None
+        what = "no frame was read" if by_reading else "the null was not held"
         raise MeasurementError(f"{what} {when}: {figures['not_nulled_reason']}")

@@ -21,8 +21,8 @@ INTERRUPTED = 130
 def quiet_imports() -> Iterator[None]:
     """Let a signal end the program at once, in one line: nothing was begun yet.
 
-    Libraries report a KeyboardInterrupt in the middle of their import, and where one is making a class, Python
-    ends by the signal later, whatever exit code is wanted.
+    Libraries report a KeyboardInterrupt in the middle of their import; where one is making a class, Python
+    ends by the signal in the end, whatever exit code is wanted.
     """
 
     def leave(*_: object) -> None:

@@ -50,6 +50,9 @@ _PLACE = 0.25
 """Standard deviation of a centroid over the spacing of nodes: planted fingers, lit and dark, were 0.2 off."""
 _EDGE = 0.5
 """The same of the border, across itself: where the amplitude falls, a window is half over it."""
+_AREA_SHARE = 0.29
+"""The same of the area over itself: mirror beside the border, which bends too fast for a window, makes up to
+half of it. Any share up to that is as likely: rms 0.5 / sqrt(3)."""
 _LEAST_SIGMAS, _LEAST_STRAIN = 3.0, 0.002
 """Of a force, by its sigma, and of its mean pressure over the modulus: a ball that flattens 2 mm so gently
 has a radius of 0.2 m; planted fingers were above 0.01, what a gone one leaves below 0.0005."""
@@ -151,7 +154,7 @@ class ThreadFinder(ContactFinder):
             **(shape._asdict() | {"x_mm": x, "y_mm": y}),
             sigma_x_mm=sigma_x,
             sigma_y_mm=sigma_y,
-            sigma_area_mm2=edge * perimeter(outline_mm),
+            sigma_area_mm2=math.hypot(edge * perimeter(outline_mm), _AREA_SHARE * shape.area_mm2),
             outline_mm=outline_mm,
             sigma_edge_mm=edge,
             outline_px=points_px,

@@ -54,23 +54,32 @@ def lock_frames(records: list[StepFigures]) -> int | None:
     return None
 
 
-def not_nulled(records: list[StepFigures]) -> str | None:
+def not_nulled(records: list[StepFigures], *, read_counts: bool = False) -> str | None:
     """When a run did not hold the null though it should have, in words; None where it did.
 
     A scenario's hold must be nulled at some time; of a run that ends before, the end. Without a scenario, so
     must the last 5 s, or half of a shorter run (1 s at least), as a loop that began at rest may have been
     thrown off by the first press.
+    read_counts: so does a frame that was read without: where fingers press a cloth, and their places and
+    forces are wanted, the mirror beside them bends too fast for the null.
     """
+
+    def counts(record: StepFigures) -> bool:
+        return record.state in _SEES_TARGET or (read_counts and bool(np.isfinite(record.read_ms)))
+
     held = [record for record in records if record.phase == "hold"]
     running = [record for record in records if record.state is not State.STOPPED]
-    if not any(record.state in _SEES_TARGET for record in held or running):
+    if not any(map(counts, held or running)):
         return "during the hold" if held else "in the whole run"
     if any(record.phase for record in records):
-        return None if held or running[-1].state is not State.NULLING else "when the run ended"
+        lost = running[-1].state is State.NULLING and not counts(running[-1])
+        return "when the run ended" if lost and not held else None
     length_s = running[-1].time_s - running[0].time_s
     tail_s = max(min(_TAIL_S, 0.5 * length_s), _LEAST_TAIL_S)
-    tail = {record.state for record in running if record.time_s >= running[-1].time_s - tail_s}
-    if State.NULLING in tail and not tail & (_SEES_TARGET | {State.PAUSED}):
+    tail = [record for record in running if record.time_s >= running[-1].time_s - tail_s]
+    if any(one.state is State.NULLING for one in tail) and not any(
+        counts(one) or one.state is State.PAUSED for one in tail
+    ):
         return f"in the last {tail_s:.1f} s"
     return None
 
@@ -177,7 +186,8 @@ def summarise(result: RunResult) -> Figures:
     held = hold or records
     nulled = [record for record in held if record.state in NULLED]
     read = [record for record in held if record.state in READ]
-    last, unheld = result.last, not_nulled(records)
+    last = result.last
+    unheld = not_nulled(records, read_counts=result.rig.projector is not None)
     simulated = result.rig.camera.driver == SIMULATED
     figures = {
         "rig": result.rig.name,
