@@ -51,10 +51,12 @@ def make_baseline() -> int:
     tree, environment = FOLDER / "tree", FOLDER / "environment"
     python = environment / "bin" / "python"
 
+    setting = os.environ | {"PYTHONPATH": str(tree)}
+
     def call(*words: object) -> str:
-        return subprocess.run(
-            [str(one) for one in words], cwd=ROOT, text=True, check=True, stdout=subprocess.PIPE
-        ).stdout
+        program = [str(one) for one in words]
+        end = subprocess.run(program, cwd=ROOT, env=setting, check=True, text=True, stdout=subprocess.PIPE)
+        return end.stdout
 
     if not tree.exists():
         call("git", "worktree", "prune")
