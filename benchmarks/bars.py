@@ -60,7 +60,7 @@ ROWS = (
     Row("step", "step_response --seeds 10 --no-timings", 0.6),
     Row("faults-simulated", "fault_tour", 1, salted=False),
     Row("faults-contactless", "fault_tour --rig contactless", 1, salted=False),
-    Row("faults-thin", "fault_tour --rig thin", 2.5, salted=False),
+    Row("faults-thin", "fault_tour --rig thin", 5, salted=False),
     Row("faults-printed", "fault_tour --rig printed", 2.5, salted=False),
     Row("contacts", "contacts", 4.6),
     Row("touches", "touches --touches 100 --frames 5000", 3.5),
@@ -73,7 +73,7 @@ ROWS = (
     Row("approach", "contactless --approaches 100 --minutes 60", 33),
     Row("lightings", "lightings --quick --no-sweep", 7, salted=False),
     Row("LEDs", "leds --part bars", 1.2, alone=True),
-    Row("peers", "against_peers --part loop", 1.5, salted=False, alone=True),
+    Row("peers", "against_peers --part loop", 0.3, salted=False, alone=True),
     Row("live", "live_cost --quick", 2, salted=False, alone=True),
     Row("page", "page_cost --quick", 2, salted=False, alone=True),
 )  # fmt: skip
