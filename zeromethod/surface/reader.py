@@ -138,7 +138,8 @@ class SurfaceReader:
         self._noise = DepthNoise(self._integrator)
         self._drift: BenchDrift | None = None
         if with_sigma:
-            fixed = self._integrator, self._scale_gradient
+            at_rest = None if self._seams is None else self._seams.at_rest
+            fixed = self._integrator, self._scale_gradient, at_rest
             self._drift = BenchDrift(rig, optics, grid, self._rays.rest_q, regular, sensitivity, *fixed)
         self._hidden = HiddenDepth(grid, sensitivity, point[..., 0], point[..., 1])
         self._left_open: tuple[GeometrySpec, Float] | None = None
@@ -288,7 +289,8 @@ class SurfaceReader:
         if fit is not None and self._drift is not None:
             of_frame = self._noise.variance(noise, x, y, fit.weights, alone)
             read = NodeReadings(x, y, reading.depth, self._scale, of_frame, reading.slope, noise.variance)
-            fit, systematic = self._drift.systematic(fit, read, noise)
+            nodes = None if seam is None else seam.nodes[self._grid.inner]
+            fit, systematic = self._drift.systematic(fit, read, noise, nodes)
             systematic.append(border_sigma_mm(reading.slope, reading.point, island))
             by = reading.depth, self._integrator.linear(x, y), fit.weights, self._scale
             systematic += [] if seam is None else seam.errors_mm(*by)
