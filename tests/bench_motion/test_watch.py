@@ -259,6 +259,6 @@ def test_a_telecentric_bench_whose_lcd_has_another_pitch_is_named():
     rest, modes = Rest.of(bench.rig, bench.optics), BenchModes.of(bench.optics, bench.grid)
     watch = BenchWatch(modes, rest.grid, rest.visible, np.zeros(rest.grid.shape, bool), 0)
     flat = bench.warp(FLAT)
-    middle = bench.optics.rest_map(*(np.array(c) for c in bench.rig.camera.centre_px))
+    middle = bench.optics.rest_map(*np.array(bench.rig.camera.centre_px)[:, None])[0]
     watch.look(replace(flat, q=middle + (flat.q - middle) / 1.005), rest.q)
     assert "LCD's pitch_mm is wrong" in watch.moved
