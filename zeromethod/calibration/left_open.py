@@ -31,6 +31,8 @@ _STEP = 0.05
 """Of differences, in prior sigmas: depth is linear in them to 1 %."""
 _PLACES = 60
 """Nodes at which depth's error is worked out, about: six terms in x and y are fitted to it."""
+_ALIKE = 1e-12
+"""Square of a pattern's share of the largest from which it is rounding."""
 _SLIDES = "display.along_mm", "display.across_mm", "display.turn_deg"
 """Motion of the LCD that a zero takes out exactly."""
 
@@ -52,6 +54,12 @@ class LeftOpen:
         """(2 nodes, parameters) by which a prior sigma of each moves the rest, LCD px."""
         none = np.zeros(len(self._priors.names))
         return np.nan_to_num(jacobian(self._priors, none, self._data) * _SIGMA_PX)
+
+    @cached_property
+    def _gram(self) -> tuple[Float, Float]:
+        """Products (parameters, parameters) of the shifts, LCD px^2, and their inverse."""
+        gram = self._shifts.T @ self._shifts
+        return gram, np.linalg.pinv(gram, rcond=_ALIKE, hermitian=True)
 
     @cached_property
     def _unit(self) -> DepthError:
@@ -85,20 +93,19 @@ class LeftOpen:
 
     def geometry(self, zero: Float) -> GeometrySpec:
         """Modes that are open after a zero (rows, cols, 2), LCD px."""
-        shifts, names = self._shifts, self._priors.names
-        away = zero.reshape(-1, 2)[self._nodes].ravel()
-        away = (
-            shifts @ np.linalg.lstsq(shifts, away, rcond=1e-9)[0]
-        )  # noise of single nodes is no error of a rig
-        size, seen = (np.sqrt(2.0 * np.mean(one**2, axis=0)) for one in (shifts, away))
+        names, nodes = self._priors.names, len(self._nodes)
+        gram, inverse = self._gram
+        pulls = self._shifts.T @ zero.reshape(-1, 2)[self._nodes].ravel()
+        # of the zero only what parameters can make: noise of single nodes is no error of a rig
+        seen = np.sqrt(max(float(pulls @ inverse @ pulls), 0.0) / nodes)
+        size = np.sqrt(np.diag(gram) / nodes)
         most = np.minimum(1.0, seen / np.maximum(size, 1e-9))
         slides = [k for k, name in enumerate(names) if name in _SLIDES]
-        by_lcd = shifts[:, slides] / size[slides] * seen
         open2 = np.zeros(len(names))
         for k in range(len(names)):
-            terms = np.column_stack([by_lcd, shifts[:, k] * most[k]]) / _SIGMA_PX
-            covariance = np.linalg.inv(np.eye(terms.shape[1]) + terms.T @ terms)
-            mean = covariance @ (terms.T @ away) / _SIGMA_PX
+            terms, wide = [*slides, k], np.append(seen / size[slides], most[k]) / _SIGMA_PX
+            covariance = np.linalg.inv(np.eye(len(terms)) + gram[np.ix_(terms, terms)] * np.outer(wide, wide))
+            mean = covariance @ (pulls[terms] * wide) / _SIGMA_PX
             open2[k] = most[k] ** 2 * min(1.0, mean[-1] ** 2 + covariance[-1, -1])
         unit = self._unit
         left = DepthError(unit.names, unit.x_mm, unit.y_mm, unit.sensitivity, np.diag(open2), unit.place)
