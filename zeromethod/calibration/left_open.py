@@ -59,7 +59,7 @@ class LeftOpen:
     def _gram(self) -> tuple[Float, Float]:
         """Products (parameters, parameters) of the shifts, LCD px^2, and their inverse."""
         gram = self._shifts.T @ self._shifts
-        return gram, np.linalg.pinv(gram, rcond=_ALIKE, hermitian=True)
+        return gram, np.asarray(np.linalg.pinv(gram, rcond=_ALIKE, hermitian=True), np.float64)
 
     @cached_property
     def _unit(self) -> DepthError:

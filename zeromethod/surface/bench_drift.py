@@ -10,6 +10,7 @@ from zeromethod.arrays import Float, Mask
 from zeromethod.bench_motion.modes import BenchModes
 from zeromethod.bench_motion.watch import BenchWatch
 from zeromethod.optics import Optics
+from zeromethod.rig.geometry import GeometrySpec
 from zeromethod.rig.model import Rig
 from zeromethod.surface.anchor import NodeReadings, RestFit, known_misfit
 from zeromethod.surface.curl import Curl, CurlTest
@@ -57,7 +58,8 @@ class BenchDrift:
         self._integrator = integrator
         self._curl = CurlTest(integrator, np.moveaxis(slopes, -1, 0), scale_gradient)
         self._steps = None if seam is None else SeamSteps(optics, u, v, seam, sensitivity, self._shared)
-        self._nulled, self._left_open = False, None
+        self._nulled = False
+        self._left_open: GeometrySpec | None = None
 
     def look(self, warp: Warp) -> None:
         """Follow the drift, in frames that are nulled, or of a pattern that never is."""

@@ -65,7 +65,7 @@ class SeamSteps:
     def look(self, slope: Float, x_mm: Float, good: Mask, variance: Float) -> None:
         """Take in a nulled frame: slope and its variance (rows, cols, 2), and nodes that were measured."""
         for one in self._seams:
-            rows = good[:, one.columns].all(axis=1)
+            rows: Mask = np.asarray(good[:, one.columns].all(axis=1))
             if np.count_nonzero(rows) < _LEAST_ROWS * len(rows):
                 continue
             at = np.ix_(rows, one.columns)
