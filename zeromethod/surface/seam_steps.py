@@ -104,7 +104,8 @@ class SeamSteps:
         away = np.linalg.norm(away - np.median(away, axis=0), axis=1)
         most = int(np.argmax(away))
         by = f"by {np.abs(steps).max():.2g} LCD px at a seam"
-        if np.count_nonzero(away > _BESIDE * away[most]) > 1:
+        # at the border of the view it may as well be all the others
+        if most in (0, len(away) - 1) or np.count_nonzero(away > _BESIDE * away[most]) > 1:
             return f"the teeth are not as the rig file says: the picture jumps {by}"
         ends = [0, *(int(one.columns[_SIDE]) for one in self._seams), self._teeth.shape[1]]
         entry, leaving = np.median(self._teeth[:, ends[most] : ends[most + 1]], axis=1).astype(int)
