@@ -31,9 +31,10 @@ _BESIDE = 0.3
 
 @dataclass
 class _Seam:
-    """One seam: columns on either side, and the sum of what frames showed, by their inverse variance."""
+    """One seam: columns on either side, LCD px per rad there, and the sum of frames by inverse variance."""
 
     columns: Ints
+    turn: Float
     weights: Float = field(default_factory=lambda: np.zeros(2))
     total: Float = field(default_factory=lambda: np.zeros(2))
     least2: Float = field(default_factory=lambda: np.full(2, np.inf))
@@ -53,34 +54,42 @@ class SeamSteps:
         side = np.arange(_SIDE)
         runs = zip(np.flatnonzero(there > 0), np.flatnonzero(there < 0), strict=True)
         all_columns = [np.concatenate([a - _APART - _SIDE + side, b + _APART + side]) for a, b in runs]
-        self._seams = [_Seam(one) for one in all_columns if one[0] >= 0 and one[-1] < seam.shape[1]]
+        self._seams = [
+            _Seam(one, np.nanmean(sensitivity[:, one], axis=(0, 1)))
+            for one in all_columns
+            if one[0] >= 0 and one[-1] < seam.shape[1]
+        ]
         self._sensitivity, self._shared = sensitivity, shared
         middle = len(v) // 2
         self._teeth = np.stack(seams(optics, u[middle], v[middle])[1:])
 
     def forget(self) -> None:
         """Begin again: the zero was taken."""
-        self._seams = [_Seam(one.columns) for one in self._seams]
+        self._seams = [_Seam(one.columns, one.turn) for one in self._seams]
 
     def look(self, slope: Float, x_mm: Float, good: Mask, variance: Float) -> None:
         """Take in a nulled frame: slope and its variance (rows, cols, 2), and nodes that were measured."""
         for one in self._seams:
             rows: Mask = np.asarray(good[:, one.columns].all(axis=1))
-            if np.count_nonzero(rows) < _LEAST_ROWS * len(rows):
+            used = np.count_nonzero(rows)
+            if used < _LEAST_ROWS * len(rows):
                 continue
-            at = np.ix_(rows, one.columns)
-            x, mean = x_mm[at].mean(axis=0), slope[at].mean(axis=0)
+            share = rows / used
+            x, mean, noise = (
+                np.einsum("r,r...->...", share, np.nan_to_num(each[:, one.columns]))
+                for each in (x_mm, slope, variance)
+            )
             place = 2.0 * (x - x.mean()) / np.ptp(x)
             jump = np.where(np.arange(2 * _SIDE) < _SIDE, -0.5, 0.5)
             low, high = (
                 np.linalg.pinv(np.column_stack([jump, np.vander(place, n + 1)]))[0] for n in _DEGREES
             )
-            turn = self._sensitivity[at].mean(axis=(0, 1))
-            of_mean2 = turn**2 @ variance[at].mean(axis=(0, 1)) * self._shared / np.count_nonzero(rows)
-            doubt2 = (turn @ ((high - low) @ mean)) ** 2 - 4.0 * float((high - low) @ (high - low)) * of_mean2
-            noise2, doubt2 = float(low @ low) * of_mean2, np.maximum(doubt2, 0.0)
+            of_mean2 = one.turn**2 @ noise.mean(axis=0) * self._shared / used
+            apart, noise2 = high - low, float(low @ low) * of_mean2
+            doubt2 = (one.turn @ (apart @ mean)) ** 2 - 4.0 * float(apart @ apart) * of_mean2
+            doubt2 = np.maximum(doubt2, 0.0)
             one.weights += 1.0 / (noise2 + doubt2)
-            one.total += turn @ (low @ mean) / (noise2 + doubt2)
+            one.total += one.turn @ (low @ mean) / (noise2 + doubt2)
             one.least2 = np.minimum(one.least2, noise2 / FRAMES + doubt2)
 
     def _found(self) -> tuple[Float, Float]:
