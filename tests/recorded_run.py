@@ -16,6 +16,7 @@ from zeromethod.recording.columns import TABLES
 from zeromethod.recording.recorder import Recorder
 from zeromethod.recording.schema import KEEP
 from zeromethod.session.dirt import DirtCorrection
+from zeromethod.session.zero_doubt import ZeroDoubt
 
 
 def small_rig(press: str = "step", seed: int = 0, factor: int = 4) -> Rig:
@@ -61,6 +62,7 @@ def recorded(
             optics=optics,
         )
         reader, dirt = SurfaceReader(rig, optics, loop.grid), DirtCorrection(loop.q_rest)
+        doubt = ZeroDoubt(rig, loop.rest)
         with Recorder(
             path,
             rig,
@@ -77,7 +79,9 @@ def recorded(
                 if on_step is not None:
                     on_step(loop, step)
                 if step.measured is not None:
-                    surface = reader.follow(dirt.corrected(step.measured, step.state, step.zero))
+                    surface = reader.follow(
+                        dirt.corrected(doubt.stated(step.measured, step.zero), step.state, step.zero)
+                    )
                     deepest = peak(surface)
                     recorder.add_reading(replace(step, surface=surface, peak=deepest, read_ms=0.0))
                     if on_reading is not None:

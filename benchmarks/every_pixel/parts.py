@@ -35,6 +35,7 @@ from zeromethod.loop.circle import Circle
 from zeromethod.optics import Optics
 from zeromethod.rig.load import load_rig
 from zeromethod.session.fine import STEP, FineReadings, frame_of, with_moving_target
+from zeromethod.session.zero_doubt import ZeroDoubt
 from zeromethod.surface import SurfaceReader, peak
 
 Found = dict[str, float]
@@ -225,7 +226,9 @@ def loop_cost(frames: int) -> Found:
                    for name in names}  # fmt: skip
         times_ms = stack.enter_context(timed())
         one = benches["fine"]
-        readings = FineReadings(one.rig, one.optics, one.loop.grid, one.truth)
+        readings = FineReadings(
+            one.rig, one.optics, one.loop.grid, one.truth, ZeroDoubt(one.rig, one.loop.rest)
+        )
         stack.enter_context(readings.in_own_process())
         process, memory, spent = readings.process_id or 0, [0.0], [0.0]
         runs = [bench.loop.run(frames=frames) for bench in benches.values()]

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from small_rigs import with_tables
+from small_rigs import telecentric, with_tables
 from surface_bench import Bench, Gauss, Several, Tail, small_rig
 
 from zeromethod import SurfaceReader, Warp
@@ -252,3 +252,13 @@ def test_nodes_lost_under_a_press_are_no_motion(bench):
     curl = reader.read(replace(warp, flags=flags)).curl
     assert curl is not None
     assert not curl.moved
+
+
+def test_a_telecentric_bench_whose_lcd_has_another_pitch_is_named():
+    bench = Bench(telecentric())
+    rest, modes = Rest.of(bench.rig, bench.optics), BenchModes.of(bench.optics, bench.grid)
+    watch = BenchWatch(modes, rest.grid, rest.visible, np.zeros(rest.grid.shape, bool), 0)
+    flat = bench.warp(FLAT)
+    middle = bench.optics.rest_map(*np.array(bench.rig.camera.centre_px)[:, None])[0]
+    watch.look(replace(flat, q=middle + (flat.q - middle) / 1.005), rest.q)
+    assert "LCD's pitch_mm is wrong" in watch.moved

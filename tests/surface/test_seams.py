@@ -97,3 +97,17 @@ def test_a_balls_rim_that_a_seam_hides_is_in_sigma(thin, off_mm):
     tied = surface.valid & (surface.x_mm > at + 1.5)
     assert np.abs(error[tied]).max() > 5e-4  # 1 % of the depth: else it would not matter
     assert (np.abs(error) / surface.sigma_depth_mm)[tied].max() < 3.0  # as one row's noise alone it is 8
+
+
+def test_a_tooth_that_is_not_as_the_rig_file_says_is_named_at_rest_and_under_a_press():
+    rig = load_rig("thin").replace({"camera.rows": 512, "camera.centre_px": (511.5, 255.5)})
+    off = tuple(0.05 if tooth == 5 else 0.0 for tooth in range(10))
+    for true, name in ((rig, ""), (rig.replace({"prism.teeth.camera_deviation_deg": off}), "tooth 5's face")):
+        bench, stands = Bench(rig), Bench(true)
+        for dent in (Gauss(1e-6, 41.0, 0.0, 6.0), Gauss(0.1, 41.0, 0.0, 6.0)):
+            surface = bench.reader.read(stands.warp(dent, np.random.default_rng(3)))
+            assert surface.curl.teeth.startswith(name)
+            assert bool(surface.curl.teeth) is bool(name)
+            error = surface.depth_mm - dent.depth(surface.x_mm, surface.y_mm)
+            # 1 to 2 um, 40 sigma of noise: what is common to a frame is in sigma of each node
+            assert np.quantile(np.abs(error / surface.sigma_depth_mm)[surface.valid], 0.97) < 3.0

@@ -2,7 +2,9 @@
 
 The parts have 18 numbers. Only how they lie to one another counts, and the camera sees no more than the
 mirror image of a flat LCD: at most six patterns are left (shift along two axes, turn, size, two keystones).
-Different motions make the same pattern, so that a pattern names a group of motions, never one part.
+Different motions make the same pattern, so that a pattern names a group of motions, never one part. A
+telecentric lens sees nothing of its motion along its axis: there stands the pattern of a wrong scale, its
+pixel's or the LCD's, which no motion makes.
 """
 
 from __future__ import annotations
@@ -55,6 +57,9 @@ _NAMES = {
 }  # fmt: skip
 """Motions of each part: along, then about its three axes (u, v, view; column, row, normal; x, y, z)."""
 
+_SCALE = "camera's pixel_mm or LCD's pitch_mm is wrong"
+"""Of a telecentric lens, in place of its motion along the axis."""
+
 _FIRST = (4, 3, 5, 0, 1, 2)
 """Order in which the motions of a part are named: of those alike, a turn before a slide."""
 
@@ -67,11 +72,13 @@ class BenchModes:
 
     values: (12,) singular values of the patterns of camera and LCD, the largest 1. motions: (18, modes) each
     motion of `_NAMES` as a sum of modes, LCD px per mm or rad. camera_px: camera px per LCD px.
+    telecentric: whether the camera's motion along its axis stands for a wrong scale.
     """
 
     values: Float
     motions: Float
     camera_px: float
+    telecentric: bool
     _coefficients: Float
     _middle: Float
     _half: Float
@@ -102,11 +109,12 @@ class BenchModes:
         (a, b), (c, d) = (here[1] - here[0]).T, (here[2] - here[0]).T
         per_px = float(np.sqrt(np.nanmedian(np.abs(a * d - b * c))))
         motions = flat.T @ left[:, kept]
-        return cls(values / values[0], motions, 1.0 / per_px, coefficients, middle, half)
+        telecentric = optics.camera.spec.projection == "orthographic"
+        return cls(values / values[0], motions, 1.0 / per_px, telecentric, coefficients, middle, half)
 
     @property
     def count(self) -> int:
-        """Number of modes, at most 6."""
+        """Number of modes, at most 6, of a telecentric lens 7."""
         return int(self.motions.shape[1])
 
     def at(self, u: Float, v: Float) -> Float:
@@ -134,7 +142,9 @@ class BenchModes:
         for number, (part, names) in enumerate(_NAMES.items()):
             own = np.abs(alike[6 * number : 6 * number + 6])
             if own.max() > _ALIKE:
-                found.append(names[next(k for k in _ORDER[part] if own[k] > own.max() - 0.005)])
+                alone = next(k for k in _ORDER[part] if own[k] > own.max() - 0.005)
+                scale = self.telecentric and (part, alone) == ("camera", 2)
+                found.append(_SCALE if scale else names[alone])
         return ", or ".join(found) if found else "more than one motion of camera, LCD or prism"
 
     def words(self, motion: Float, seen: Float | None = None) -> str:
@@ -171,7 +181,10 @@ def _moved(optics: Optics, part: str, number: int, by: float) -> Optics:
         moved: Float = about + turn @ (place - about) + shift
         return moved
 
-    if part != "LCD":
+    if (part, number) == ("camera", 2) and camera.spec.pixel_mm is not None:
+        wider = {"pixel_mm": camera.spec.pixel_mm * (1.0 + by)}
+        camera = replace(camera, spec=camera.spec.model_copy(update=wider))
+    elif part != "LCD":
         camera = replace(
             camera,
             position=point(camera.position),

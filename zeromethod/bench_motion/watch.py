@@ -202,9 +202,13 @@ class BenchWatch:
             return None
         return self.motion
 
-    def report(self, motion: Float, seen: Float) -> None:
-        """Take in motion (modes,) LCD px found under a press, where only sums `seen` of modes show."""
-        self.moved = self.moved or f"the bench moved at least {self.modes.words(motion, seen)}"
+    def report(self, motion: Float, seen: Float, teeth: str = "") -> None:
+        """Take in motion (modes,) LCD px found under a press, where only sums `seen` of modes show.
+
+        teeth: what was found instead of a saw that differs from the rig file.
+        """
+        words = teeth or f"the bench moved at least {self.modes.words(motion, seen)}"
+        self.moved = self.moved or words
 
     def forget(self) -> None:
         """Begin again: rest was taken again, or the motion was corrected."""

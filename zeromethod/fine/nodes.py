@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -114,7 +114,8 @@ def read_nodes(
     sigma = np.sqrt(blended_variance(newest.sigma**2, now2, fitted, float(motion.ends[-1])))
     flags = np.where(by_pixels, np.uint16(0), newest.flags)
     sigma = np.where(by_pixels[..., None], np.sqrt(np.maximum(fine2, 0.0)), sigma)
-    warp = Warp(np.where(by_pixels[..., None], fine, q), sigma, flags, newest.time_ns, Role.MEASURED)
+    q = np.where(by_pixels[..., None], fine, q)
+    warp = replace(newest, q=q, sigma=sigma, flags=flags, role=Role.MEASURED, left=None)
     offset = added_mean - matvec(bending, excess)
     return NodeWindows(warp, shown, offset, np.where(np.isfinite(fine), fine, q), share, bending)
 

@@ -93,7 +93,7 @@ class BenchDoubt:
     def report(self, curl: Curl, time_ns: int) -> None:
         """Take in what a reading of the frame at `time_ns` found under a press."""
         if self._watch is not None and time_ns >= self._since_ns:
-            self._watch.report(curl.motion, curl.seen)
+            self._watch.report(curl.motion, curl.seen, curl.teeth)
 
     def _forget(self, watch: BenchWatch, time_ns: int) -> None:
         """Rest was taken again: what was found of frames before `time_ns` is over."""

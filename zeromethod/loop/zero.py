@@ -3,7 +3,8 @@
 The zero enters the reading by subtraction: of the warp at rest as measured from that by the rig's geometry,
 LCD px, node by node. For an LCD that slid in its mount, the largest part of drift, that is exact, as every
 ray then meets a point so many pixels further on; it leaves the camera's rays as calibrated, of which drift of
-the LCD says nothing. (`zeromethod.surface.RestGrid` blames the camera's rays instead: for calibration.)
+the LCD says nothing. (`zeromethod.surface.RestGrid` blames the camera's rays instead: for calibration.) What
+it does to depth as an error of the rig file goes into sigma (`zeromethod.calibration.left_open`).
 
 Not everything may be called zero. Drift is smooth over the view, small and slow: a quadratic form in camera
 px fits it. What a press does is not, unless it is far wider than the view.
@@ -173,5 +174,8 @@ class Zero:
         self.q = found
         self._memory.restart()
         drift = float(np.sqrt(np.mean(np.sum(found[self._rest.visible] ** 2, axis=-1))))
-        words = f"readings start from here now, {drift:.2f} LCD px (rms) from the rig file's rest"
+        words = (
+            f"readings start from here now, {drift:.2f} LCD px (rms) from the rig file's rest: put away as "
+            "motion of the LCD; sigma of depth has in it what an error of the rig file so large would do"
+        )
         return Notice(Event.ZERO_TAKEN, words)

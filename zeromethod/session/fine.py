@@ -24,6 +24,7 @@ from zeromethod.optics import Optics
 from zeromethod.rig.model import Rig
 from zeromethod.session.fine_figures import FineFigures, figures_of
 from zeromethod.session.surfaces import ReadingLost, SurfaceProcess
+from zeromethod.session.zero_doubt import ZeroDoubt
 from zeromethod.surface.comparison import TruthSource
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.warp import Warp
@@ -96,8 +97,10 @@ class FineReadings:
     Live, a reading that waits is replaced by a newer one; the loop never waits.
     """
 
-    def __init__(self, rig: Rig, optics: Optics, grid: NodeGrid, truth: TruthSource | None) -> None:
-        self._rig, self._optics, self._grid, self._truth = rig, optics, grid, truth
+    def __init__(
+        self, rig: Rig, optics: Optics, grid: NodeGrid, truth: TruthSource | None, doubt: ZeroDoubt
+    ) -> None:
+        self._rig, self._optics, self._grid, self._truth, self._doubt = rig, optics, grid, truth, doubt
         self._frames = LastFrames()
         self._zero: Float | None = None
         self._asked_ns: int | None = None
@@ -160,7 +163,7 @@ class FineReadings:
 
     def _serve(self, asked: _Asked) -> tuple[Step, FineFigures] | None:
         try:
-            surface = self._read(asked.frames)
+            surface = self._read(with_doubt(asked.frames, asked.step.zero, self._doubt))
         except InputError:  # phases that do not determine the pixels: the target stood, as a picture was kept
             return None
         return replace(asked.step, fine=surface), figures_of(surface, asked.step.phase, self._truth)
@@ -171,6 +174,11 @@ class FineReadings:
             return surface
         self._own = self._own or FineReader(self._rig, self._optics, self._grid)
         return self._own.read(frames)
+
+
+def with_doubt(frames: Sequence[FineFrame], zero: Float | None, doubt: ZeroDoubt) -> Sequence[FineFrame]:
+    """Frames of one zero, the newest, which is read, with what that leaves open of depth."""
+    return (*frames[:-1], replace(frames[-1], measured=doubt.stated(frames[-1].measured, zero)))
 
 
 def frame_of(step: Step) -> FineFrame | None:

@@ -40,6 +40,7 @@ from zeromethod.session.summary import Figures, summarise
 from zeromethod.session.surfaces import Surfaces
 from zeromethod.session.trust import is_readable, with_stated_geometry
 from zeromethod.session.watching import watching
+from zeromethod.session.zero_doubt import ZeroDoubt
 from zeromethod.surface import Surface, SurfaceReader
 from zeromethod.surface.comparison import AT_REST, TruthSource, compare, usable_nodes
 from zeromethod.warp.grid import NodeGrid
@@ -112,7 +113,9 @@ class Session:
             self.recording = RunRecording(record, self.rig, self.loop, fine)
             stack.callback(self.recording.end, self.result)
             self._surfaces = Surfaces(self.rig, self._optics, self._grid)
-            self._fine = FineReadings(self.rig, self._optics, self._grid, self._truth) if fine else None
+            self._zero_doubt = ZeroDoubt(self.rig, self.loop.rest)
+            reads = self.rig, self._optics, self._grid, self._truth, self._zero_doubt
+            self._fine = FineReadings(*reads) if fine else None
             self._contacts = finder_of(self.rig, self._optics, self._grid)
             self._forces = ForceReader(self.rig)
             self._rubbing = RubbingReader(border_blur_px(self.rig)) if self.rig.control.rubbing else None
@@ -288,9 +291,10 @@ class Session:
             self.result.end(ended.pointers)
 
     def _begin(self, step: Step) -> None:
-        """Correct one step's warp for dirt, and begin to read it."""
+        """Correct one step's warp for dirt, state what its zero leaves open, and begin to read it."""
         assert step.measured is not None
-        self._surfaces.begin(step.number, self._dirt.corrected(step.measured, step.state, step.zero))
+        measured = self._zero_doubt.stated(step.measured, step.zero)
+        self._surfaces.begin(step.number, self._dirt.corrected(measured, step.state, step.zero))
 
     def _read(self, step: Step) -> Step:
         """Read one step; in real time in a thread of its own."""

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.bench_motion.modes import BenchModes
 from zeromethod.bench_motion.watch import BenchWatch
 from zeromethod.optics import Optics
+from zeromethod.rig.geometry import GeometrySpec
 from zeromethod.rig.model import Rig
 from zeromethod.surface.anchor import NodeReadings, RestFit, known_misfit
 from zeromethod.surface.curl import Curl, CurlTest
 from zeromethod.surface.integrate import SlopeIntegrator
 from zeromethod.surface.node_passes import diagonal, mean_square, squares_apart
 from zeromethod.surface.noise import SlopeNoise
+from zeromethod.surface.seam_steps import SeamSteps
 from zeromethod.surface.settling import Reading
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.overlap import overlap_correlation, shared_nodes
@@ -36,8 +40,12 @@ class BenchDrift:
         sensitivity: Float,
         integrator: SlopeIntegrator,
         scale_gradient: Float,
+        seam: Mask | None,
     ) -> None:
-        """sensitivity: LCD px per rad. scale_gradient: h d(slope)/d(depth). All of the measurable nodes."""
+        """sensitivity: LCD px per rad. scale_gradient: h d(slope)/d(depth). All of the measurable nodes.
+
+        seam: those at a saw's seams at rest.
+        """
         self._known_rest, self._passive = rig.surface.known_rest, rig.control.passive
         modes = BenchModes.of(optics, grid)
         self._grid, self._rest = grid, rest_q
@@ -49,27 +57,38 @@ class BenchDrift:
         slopes = np.asarray(np.linalg.solve(sensitivity, modes.at(u, v)), np.float64)
         self._integrator = integrator
         self._curl = CurlTest(integrator, np.moveaxis(slopes, -1, 0), scale_gradient)
+        self._steps = None if seam is None else SeamSteps(optics, u, v, seam, sensitivity, self._shared)
+        self._nulled = False
+        self._left_open: GeometrySpec | None = None
 
     def look(self, warp: Warp) -> None:
         """Follow the drift, in frames that are nulled, or of a pattern that never is."""
+        self._nulled = True
         if warp.left is not None and not self._passive:
             left_px = self.watch.modes.camera_px * np.sqrt(mean_square(warp.left, warp.flags))
-            if left_px > _NULLED_PX:
-                return
-        self.watch.look(warp, self._rest_q)
+            self._nulled = bool(left_px <= _NULLED_PX)
+        if self._steps is not None and warp.left_open != self._left_open:
+            self._steps.forget()
+        self._left_open = warp.left_open
+        if self._nulled:
+            self.watch.look(warp, self._rest_q)
 
     def test(self, warp: Warp, read: Reading, noise: SlopeNoise) -> Curl:
         """Curl of one converged reading."""
         island = self._integrator.island
         shift2 = squares_apart(warp.q[self._grid.inner], self._rest, island)
         shift_px = float(np.sqrt(shift2 / np.count_nonzero(island)))
-        return self._curl.test(read, noise, shift_px)
+        curl = self._curl.test(read, noise, shift_px)
+        return curl if self._steps is None else replace(curl, teeth=self._steps.words)
 
-    def systematic(self, fit: RestFit, read: NodeReadings, noise: SlopeNoise) -> tuple[RestFit, list[Float]]:
+    def systematic(
+        self, fit: RestFit, read: NodeReadings, noise: SlopeNoise, seam: Mask | None
+    ) -> tuple[RestFit, list[Float]]:
         """The fit with its sigma, and independent errors (rows, cols) of depth, mm, of one sigma each.
 
         They are the same in every frame: the anchor's own; that of known nodes which are not at rest; drift
-        of the bench under the anchor; and drift whose slope at the border is mistaken for a far field.
+        of the bench under the anchor; drift whose slope at the border is mistaken for a far field; and steps
+        at a saw's seams, whose nodes, (rows, cols), are `seam`.
         """
         x, y, island = read.x_mm, read.y_mm, self._integrator.island
         errors = []
@@ -86,5 +105,11 @@ class BenchDrift:
             errors.append(np.full(x.shape, by_slope))
         if self.watch.drift.any():
             errors.append(drift - float((fit.weights * drift).sum()))
+        if self._steps is not None and seam is not None:
+            if self._nulled:
+                self._steps.look(read.slope, x, island & ~seam, read.variance)
+            if (wrong := self._steps.error()) is not None:
+                by_steps = self._integrator.linear(x, y).depth(wrong)
+                errors.append(by_steps - float((fit.weights * by_steps).sum()))
         scale = read.scale * island
         return fit, [fit.sigma_mm * scale, *(one * scale for one in errors)]

@@ -52,17 +52,19 @@ class Curl:
 
     statistic: over its sigma, per component, with a fifth of `LEAST_LCD_PX` in it. motion: (modes,) LCD px,
     the least motion that explains it, a sum of `zeromethod.bench_motion.modes.BenchModes`. seen: (modes,
-    sums) orthonormal sums of modes that show at all.
+    sums) orthonormal sums of modes that show at all. teeth: which tooth of a saw is not as the rig file says,
+    in words; "" where none is seen.
     """
 
     statistic: float
     motion: Float
     seen: Float
+    teeth: str = ""
 
     @property
     def moved(self) -> bool:
-        """Whether the bench moved."""
-        return self.statistic > MOVED_STATISTIC
+        """Whether the bench moved, or is another one."""
+        return bool(self.teeth) or self.statistic > MOVED_STATISTIC
 
 
 @dataclass(frozen=True, slots=True)

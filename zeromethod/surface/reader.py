@@ -14,6 +14,7 @@ from zeromethod.errors import InputError
 from zeromethod.mechanics.body import body_of
 from zeromethod.optics import Optics
 from zeromethod.optics.bench import sensitivity_of_rays
+from zeromethod.rig.geometry import GeometrySpec
 from zeromethod.rig.model import Rig, check_rig
 from zeromethod.surface.anchor import NodeReadings, RestFit
 from zeromethod.surface.anchoring import AnchorFinder, certain
@@ -137,9 +138,11 @@ class SurfaceReader:
         self._noise = DepthNoise(self._integrator)
         self._drift: BenchDrift | None = None
         if with_sigma:
-            fixed = self._integrator, self._scale_gradient
+            at_rest = None if self._seams is None else self._seams.at_rest
+            fixed = self._integrator, self._scale_gradient, at_rest
             self._drift = BenchDrift(rig, optics, grid, self._rays.rest_q, regular, sensitivity, *fixed)
         self._hidden = HiddenDepth(grid, sensitivity, point[..., 0], point[..., 1])
+        self._left_open: tuple[GeometrySpec, Float] | None = None
         self._last: _Last | None = None
         self._before: tuple[Surface | None, Surface | None] = None, None
 
@@ -286,12 +289,14 @@ class SurfaceReader:
         if fit is not None and self._drift is not None:
             of_frame = self._noise.variance(noise, x, y, fit.weights, alone)
             read = NodeReadings(x, y, reading.depth, self._scale, of_frame, reading.slope, noise.variance)
-            fit, systematic = self._drift.systematic(fit, read, noise)
+            nodes = None if seam is None else seam.nodes[self._grid.inner]
+            fit, systematic = self._drift.systematic(fit, read, noise, nodes)
             systematic.append(border_sigma_mm(reading.slope, reading.point, island))
             by = reading.depth, self._integrator.linear(x, y), fit.weights, self._scale
             systematic += [] if seam is None else seam.errors_mm(*by)
             hidden = None if warp.left is None else self._hidden.of(warp.left, noise.variance, island)
             systematic += [] if hidden is None else [hidden]
+            systematic += self._left_open_mm(warp.left_open, reading, island)
             errors = self._depth_share, reading.depth, np.stack(systematic)
             sigma_depth = together(self._scale, of_frame, *errors)
             curl = self._drift.test(warp, reading, noise)
@@ -316,6 +321,16 @@ class SurfaceReader:
         if fit is not None and self._drift is not None:
             self._last = _Last(surface, self._integrator.linear(x, y), noise, fit, systematic)
         return surface
+
+    def _left_open_mm(self, geometry: GeometrySpec | None, read: Reading, island: Mask) -> list[Float]:
+        """Errors (rows, cols) of depth, mm, one sigma of each mode that a zero left open."""
+        if geometry is None:
+            return []
+        if self._left_open is None or self._left_open[0] != geometry:
+            at = self._rest_point
+            self._left_open = geometry, np.nan_to_num(geometry.fields(at[..., 0], at[..., 1]))
+        both = np.stack([read.depth, read.slope[..., 0], read.slope[..., 1]])
+        return [np.where(island, (mode * both).sum(axis=0), 0.0) for mode in self._left_open[1]]
 
     def _arrays(self, nodes: Mask, read: ReadNodes, sigma_depth: Float, variance: Float) -> dict[str, Any]:
         """Arrays of a `Surface` on the full grid, NaN off the `nodes`; variance: (rows, cols, 2) of slope."""

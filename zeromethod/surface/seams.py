@@ -222,7 +222,9 @@ class SlopeOverSeams:
     def __init__(self, seams: SeamMap, grid: NodeGrid) -> None:
         self._map, self._grid = seams, grid
         self.shift_mm = np.zeros(seams.x_mm.shape)
-        _spread(seams.x_mm, seams.touched(self.shift_mm), self.shift_mm)
+        self.at_rest = seams.touched(self.shift_mm)
+        """(rows, cols) nodes at seams of the mirror at rest."""
+        _spread(seams.x_mm, self.at_rest.copy(), self.shift_mm)
 
     @classmethod
     def of(cls, optics: Optics, grid: NodeGrid) -> SlopeOverSeams | None:

@@ -9,6 +9,7 @@ from functools import cache
 import numpy as np
 
 from zeromethod.arrays import Flags, Float, Mask, Single
+from zeromethod.rig.geometry import GeometrySpec
 
 
 @cache
@@ -45,6 +46,8 @@ class Warp:
     left : (rows, cols, 2) float32, optional
         Of a measured warp: how far the frame was from its null, LCD px (`with_left`); NaN at nodes that were
         not read by the carrier. None: not known.
+    left_open : GeometrySpec, optional
+        What the zero that was subtracted leaves open of depth, in every frame alike.
     """
 
     q: Float
@@ -53,6 +56,7 @@ class Warp:
     time_ns: int
     role: Role = Role.MEASURED
     left: Single | None = None
+    left_open: GeometrySpec | None = None
 
     @classmethod
     def drawn(cls, q: Float, role: Role, time_ns: int) -> Warp:

@@ -16,8 +16,9 @@ from zeromethod.optics import Optics
 from zeromethod.recording.recording import Recording
 from zeromethod.recording.rows import FINE_PIXELS
 from zeromethod.rig.model import Rig
-from zeromethod.session.fine import LastFrames, fine_frame
+from zeromethod.session.fine import LastFrames, fine_frame, with_doubt
 from zeromethod.session.replay.differences import Figures, Spread, same, same_surface
+from zeromethod.session.zero_doubt import ZeroDoubt
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.warp import Warp
 
@@ -88,6 +89,7 @@ class FineReplay:
         self._zeros = recording.steps_with("zeros")
         self._frames, self._zero = LastFrames(), 0
         self._rig, self._grid = rig, grid
+        self._doubt = ZeroDoubt(rig, recording.rest)
         self._reader: FineReader | None = None
 
     def add(self, row: Any, taken: FrameResult, measured: Warp | None, compare: bool) -> None:
@@ -110,7 +112,7 @@ class FineReplay:
             self.differences.unread += compare
             return
         self._reader = self._reader or FineReader(self._rig, Optics(self._rig), self._grid)
-        surface = self._reader.read(frames)
+        surface = self._reader.read(with_doubt(frames, self._recording.zero(step), self._doubt))
         if compare:
             self.differences.add(step, surface)
 

@@ -12,6 +12,7 @@ from zeromethod.session.dirt import DirtCorrection
 from zeromethod.session.reading import warm_up_warp
 from zeromethod.session.replay.differences import DepthDifferences
 from zeromethod.session.replay.window import Pace, Window
+from zeromethod.session.zero_doubt import ZeroDoubt
 from zeromethod.surface import Peak, Surface, SurfaceReader, peak
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.warp import Warp
@@ -35,6 +36,7 @@ class Reader:
         """rig: with which it is read; grid: the nodes, with their rays."""
         self._recording = recording
         self._reader = SurfaceReader(rig, Optics(rig), grid)
+        self._doubt = ZeroDoubt(rig, recording.rest)
         self._dirt = DirtCorrection(recording.rest.q, under_cloth=rig.under_cloth)
         if recording.live:
             self._reader.follow(warm_up_warp(recording.rest))
@@ -42,7 +44,8 @@ class Reader:
     def read(self, step: int, warp: Warp) -> tuple[Surface, Peak]:
         """Surface and its deepest point, of the warp of a step."""
         state = self._recording.state_of(self._recording.row(step))
-        surface = self._reader.follow(self._dirt.corrected(warp, state, self._recording.zero(step)))
+        zero = self._recording.zero(step)
+        surface = self._reader.follow(self._dirt.corrected(self._doubt.stated(warp, zero), state, zero))
         return surface, peak(surface)
 
 
