@@ -89,8 +89,11 @@ def compare(names: list[str]) -> int:
         if lines is None:
             after = load(now / before.name)
             lines = list(differences(load(before), after, BASELINE["renames"]))
-            frames = max(max(frames) for frames in after.values()) + 1
-            print(f"{name}: {frames} frames, {len(after)} names, {len(lines) or 'none'} differ", flush=True)
+            arrays = sum(map(len, after.values()))
+            print(
+                f"{name}: {arrays} arrays of {len(after)} names, {len(lines) or 'no'} names differ",
+                flush=True,
+            )
         print(*(f"  {name}  {line}" for line in lines), sep="\n", end="\n" * bool(lines), flush=True)
         differing += bool(lines)
     print(f"golden: {differing or 'none'} of {len(names)} scenarios differ from {BASELINE['commit'][:12]}")
