@@ -20,6 +20,11 @@ def limit_threads(count: int = 1) -> None:
     ----------
     count : int
         Threads for each library.
+
+    Raises
+    ------
+    InputError
+        The environment asks numba for a threading layer that is not there.
     """
     threadpool_limits(limits=count)
     cv2.setNumThreads(count)

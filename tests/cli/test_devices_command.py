@@ -181,6 +181,14 @@ def test_focus_shows_the_figures_and_what_to_do(rig_file, tmp_path):
     assert len(figures["advice"]) == 1
 
 
+def test_focus_on_a_simulated_bench_ends_by_itself_once_it_has_all_figures(rig_file, tmp_path):
+    summary = tmp_path / "focus.json"
+    assert run("devices --focus --rig", rig_file, "--summary", summary).code == 0
+    figures = json.loads(summary.read_text())
+    assert figures["time_s"] < 0.3  # 16 frames, of which flicker is read
+    assert figures["flicker_share"] < 0.01
+
+
 def test_focus_ends_on_q_with_the_terminal_as_before(rig_file, tmp_path):
     """In a terminal of its own, where the table renews itself in place."""
     leader, follower = pty.openpty()

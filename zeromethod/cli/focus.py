@@ -20,14 +20,11 @@ from zeromethod.cli.guide_page import guide_page, show_sight
 from zeromethod.cli.keys import Keys
 from zeromethod.cli.output import write_summary
 from zeromethod.clock import SimulatedClock
-from zeromethod.commissioning.setting_up import SettingUp, Sight
+from zeromethod.commissioning.setting_up import FLICKER_FRAMES, SettingUp, Sight
 from zeromethod.errors import MeasurementError
 from zeromethod.operating.guide_tables import FOCUS
 from zeromethod.optics import check_geometry
 from zeromethod.view.focus import focus_view, sight_figures, sight_table
-
-_SIMULATED_S = 1.0
-"""How long a simulated bench is looked at by default; a real one until Ctrl-C."""
 
 _KEYS = "q ends"
 
@@ -57,7 +54,8 @@ def watch_focus(
             opened_devices(rig, err=False) as devices,
         ):
             if seconds is None and isinstance(devices.clock, SimulatedClock):
-                seconds = _SIMULATED_S
+                # nobody turns a lens there: as long as the figures need
+                seconds = FLICKER_FRAMES / rig.camera.rate_hz
             with Keys() as keys, focus_view(console, _KEYS if keys.active else "") as show:
                 for sight in SettingUp(rig, devices, with_lcd).sights(seconds):
                     last = sight
