@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -64,7 +64,7 @@ class FourierReader(FineReader):
             total += period * (d - np.rint(d))
         box = self._lattice.box
         mean = (total / len(images)).astype(np.float32)[box]
-        return Demodulated(np.ascontiguousarray(mean), fit.variance, fit.modulation, fit.mean, fit.misfit)
+        return replace(fit, d=np.ascontiguousarray(mean))
 
 
 class EightStepReader(FineReader):
@@ -89,7 +89,7 @@ class EightStepReader(FineReader):
             for k, image in enumerate(self._images):
                 total += image[self._lattice.box] * np.complex64(np.exp(-0.25j * np.pi * times * k))
             d[..., axis] = np.angle(total * np.exp(-1j * turn * at)) / turn
-        return Demodulated(d, fit.variance, fit.modulation, fit.mean, fit.misfit)
+        return replace(fit, d=d)
 
 
 def eight_steps(rig: Rig, count: int = FRAMES) -> list[Image]:

@@ -2,7 +2,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from planted_frames import PlantedFrames
+from planted_frames import PlantedFrames, to_and_fro
 from surface_bench import Gauss
 
 from benchmarks.rigs import small_rig
@@ -67,6 +67,21 @@ def test_noise_of_earlier_frames_in_the_shown_warp_is_not_in_the_nodes():
     ]
     # left in, it would be 1.9 of the other
     assert scatter[1] == pytest.approx(scatter[0], rel=0.1)
+
+
+@pytest.mark.parametrize("after", [1, 4, 12, 20])
+def test_a_narrow_dent_that_came_within_the_frames_is_not_read(after):
+    """Nodes every 1.6 mm hardly see it; each pixel's frames contradict each other."""
+    dent = Gauss(2e-3, 42.0, 0.0, 0.6)
+    mirrors, turns = [REST] * (24 - after) + [dent] * after, to_and_fro(24)
+    frames = bench().frames(mirrors, turns, shown=REST, noise=2.0)
+    surface = bench().reader.read(frames)
+    near = np.hypot(surface.x_mm - 42.0, surface.y_mm) < 0.6
+    assert near.sum() > 30
+    assert not surface.valid[near].any()
+    # what it does not touch is
+    assert np.mean(surface.valid) > 0.9
+    assert bench().reader.read(bench().frames(dent, turns, shown=REST, noise=2.0)).valid[near].all()
 
 
 def test_a_moving_mirror_falls_back_to_its_newest_frame():

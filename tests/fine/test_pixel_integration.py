@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from scipy.fft import dct, dctn, idctn
 
+from zeromethod.errors import MeasurementError
 from zeromethod.fine.integrate import PixelIntegrator, sources, step_weights, take_out
 from zeromethod.fine.noise import wave_variance
 from zeromethod.surface.differences import depth_differences
@@ -92,3 +93,20 @@ def test_noise_of_depth_is_that_of_drawn_slopes():
         total += (found - (found * anchor).sum()) ** 2 / draws
     # variance from 60 draws of a field with some ten independent parts
     assert np.mean(total / stated) == pytest.approx(1.0, abs=0.15)
+
+
+def test_steps_without_weight_count_nothing_whatever_they_are():
+    valid = np.ones(SHAPE, bool)
+    valid[:, :30] = False
+    x, y = points()
+    weights = step_weights(np.ones((2, *SHAPE), np.float32), x, y, np.ones(SHAPE, np.float32), valid)
+    across, down = (np.ones(one.shape, np.float32) for one in weights)
+    plain = sources((across, down), weights)
+    across[weights[0] == 0.0] = down[weights[1] == 0.0] = np.nan  # as beyond P0, where the scale is negative
+    np.testing.assert_array_equal(sources((across, down), weights), plain)
+
+
+def test_a_depth_that_is_not_found_is_refused():
+    weights = np.ones((90, 129), np.float32), np.ones((89, 130), np.float32)
+    with pytest.raises(MeasurementError, match="not solved"):
+        PixelIntegrator(SHAPE).solve(np.full(SHAPE, np.nan, np.float32), weights, np.zeros(SHAPE, np.float32))

@@ -5,6 +5,8 @@ import pytest
 
 from benchmarks.rigs import changed, pressed, small_rig
 from zeromethod import InputError, Session, load_rig
+from zeromethod.errors import MeasurementError
+from zeromethod.fine.integrate import PixelIntegrator
 from zeromethod.session.fine import STEP, with_moving_target
 from zeromethod.session.summary import summarise
 
@@ -38,6 +40,17 @@ def test_coded_strips_do_not_enter():
         # a few smooth waves make most of one surface's error
         assert np.sqrt(np.mean(z**2)) < 2.0
     assert surfaces
+
+
+def test_a_depth_that_is_not_found_is_no_surface_and_said(monkeypatch):
+    def unsolved(*_):
+        raise MeasurementError("not solved")
+
+    monkeypatch.setattr(PixelIntegrator, "solve", unsolved)
+    with Session(small_rig(4).replace(scenario="none"), fine=True) as session:
+        steps = list(session.run(frames=30))
+    assert all(step.fine is None for step in steps)
+    assert any("fine surface is left out: not solved" in note for step in steps for note in step.notes)
 
 
 def test_without_it_the_target_stands_and_nothing_fine_is_read():

@@ -26,6 +26,8 @@ from zeromethod.fine.frames import Steps
 from zeromethod.rig.model import Noise
 
 UNKNOWNS = 5
+END_FRAMES = 4
+"""Frames at either end whose misfit is told apart: what changed next to them hardly shows in that of all."""
 BAND_ROWS = 32
 """Rows whose frames are brought together at a time: what they take stays in the processor's cache."""
 _TORN_PX = 6.0
@@ -80,7 +82,8 @@ class Demodulated:
 
     d: (rows, cols, 2) camera px, within half a period. variance: (rows, cols, 2) px^2. modulation:
     (rows, cols, 2) amplitude of the carriers, grey levels. mean: (rows, cols) grey level. misfit: (rows,
-    cols) variance of the grey levels about the fit, grey^2: noise alone where nothing moved.
+    cols) variance of the grey levels about the fit, grey^2: noise alone where nothing moved. ends: (rows,
+    cols, 3) the same by the oldest `END_FRAMES`, by as many of the newest, and by the newest one alone.
     """
 
     d: Single
@@ -88,6 +91,7 @@ class Demodulated:
     modulation: Single
     mean: Single
     misfit: Single
+    ends: Single
 
 
 @numba.njit(cache=True, inline="always")
@@ -107,6 +111,7 @@ def _fit(
     solution: Single,
     covariance: Float,
     normal: Float,
+    basis: Float,
     table: Float,
     per_rad: float,
     noise: tuple[float, float, float],
@@ -117,12 +122,15 @@ def _fit(
     modulation: Single,
     mean: Single,
     misfit: Single,
+    ends: Single,
 ) -> None:
     count, (rows, cols) = images.shape[0], mean.shape
     period, (top, left) = table.shape[0], corner
     still, per_grey, black = noise
     sums, squares = np.empty((5, cols), np.float32), np.empty(cols, np.float32)
     zero = np.float32(level)
+    few = min(END_FRAMES, count)
+    ranges = ((0, few), (count - few, count), (count - 1, count))
     for j in range(rows):
         row = top + j
         sums[:] = np.float32(0.0)
@@ -140,8 +148,24 @@ def _fit(
                 sums[4, i] += w4 * grey
                 squares[i] += grey * grey
         for i in range(cols):
-            mean[j, i] = sums[0, i] + zero
             misfit[j, i] = (squares[i] - _quadratic(normal[row], sums, i)) / (count - 5)
+        for end in range(3):
+            squares[:] = np.float32(0.0)
+            free = 0.0
+            for t in range(*ranges[end]):
+                line, w = images[t, j], basis[row, t].astype(np.float32)
+                free += 1.0
+                for a in range(5):
+                    for b in range(5):
+                        free -= basis[row, t, a] * covariance[row, a, b] * basis[row, t, b]
+                for i in range(cols):
+                    off = np.float32(line[i]) - zero - w[0] * sums[0, i] - w[1] * sums[1, i]
+                    off -= w[2] * sums[2, i] + w[3] * sums[3, i] + w[4] * sums[4, i]
+                    squares[i] += off * off
+            for i in range(cols):
+                ends[j, i, end] = squares[i] / free
+        for i in range(cols):
+            mean[j, i] = sums[0, i] + zero
             grey2 = still + per_grey * max(mean[j, i] - black, 0.0)
             for axis in range(2):
                 at = (row if axis else left + i) % period
@@ -190,7 +214,8 @@ def demodulate(
     per_grey = 0.0 if noise.electrons_per_grey is None else 1.0 / noise.electrons_per_grey
     scales = noise.read_grey**2 + 1 / 12, per_grey, noise.black_grey
     d, variance, modulation = (np.empty((*shape, 2), np.float32) for _ in range(3))
-    out = Demodulated(d, variance, modulation, np.empty(shape, np.float32), np.empty(shape, np.float32))
+    mean, misfit, ends = (np.empty((*shape, *more), np.float32) for more in ((), (), (3,)))
+    out = Demodulated(d, variance, modulation, mean, misfit, ends)
     normal = np.swapaxes(design.basis, 1, 2) @ design.basis
     solution, per_rad, level = (
         design.solution.astype(np.float32),
@@ -201,15 +226,23 @@ def demodulate(
     for first in range(0, shape[0], BAND_ROWS):
         part = slice(first, min(first + BAND_ROWS, shape[0]))
         band = np.stack([one[top + part.start : top + part.stop, box[1]] for one in images])
-        fields = (one[part] for one in (out.d, out.variance, out.modulation, out.mean, out.misfit))
-        corner = top + first, left
-        _fit(band, solution, design.covariance, normal, table, per_rad, scales, level, corner, *fields)
+        all_of = out.d, out.variance, out.modulation, out.mean, out.misfit, out.ends
+        fields, corner = (one[part] for one in all_of), (top + first, left)
+        fit = solution, design.covariance, normal, design.basis
+        _fit(band, *fit, table, per_rad, scales, level, corner, *fields)
     return out
 
 
 def middle_grey(images: Sequence[Image]) -> float:
     """Mean grey level of some pixels of all frames."""
     return float(np.mean([one[::64, ::64].mean() for one in images]))
+
+
+def grey_variance(noise: Noise, grey: Single) -> Single:
+    """Variance of a camera's grey levels where their mean is `grey`, of the same shape; grey^2."""
+    per_grey = 0.0 if noise.electrons_per_grey is None else 1.0 / noise.electrons_per_grey
+    light = np.maximum(grey - np.float32(noise.black_grey), np.float32(0.0))
+    return np.asarray(noise.read_grey**2 + 1 / 12 + per_grey * light, np.float32)
 
 
 @numba.njit(cache=True)

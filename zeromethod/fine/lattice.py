@@ -171,9 +171,18 @@ class PixelLattice:
 
     def enclosed(self, nodes: Mask) -> Mask:
         """(rows, cols) of pixels whose four nodes around are all true."""
-        spacing = self.grid.spacing_px
-        rows, cols = self.shape
-        down = np.minimum(np.arange(rows) // spacing, self.nodes[0] - 2)
-        across = np.minimum(np.arange(cols) // spacing, self.nodes[1] - 2)
-        cells = nodes[:-1, :-1] & nodes[1:, :-1] & nodes[:-1, 1:] & nodes[1:, 1:]
+        return self.of_cells(nodes[:-1, :-1] & nodes[1:, :-1] & nodes[:-1, 1:] & nodes[1:, 1:])
+
+    def of_cells(self, cells: Mask) -> Mask:
+        """(rows, cols) of pixels in those cells (node rows - 1, node cols - 1) that are true."""
+        down, across = (
+            np.minimum(np.arange(pixels) // self.grid.spacing_px, nodes - 2)
+            for pixels, nodes in zip(self.shape, self.nodes, strict=True)
+        )
         return np.asarray(cells[np.ix_(down, across)])
+
+    def cell_means(self, values: Single) -> Float:
+        """Means (node rows - 1, node cols - 1, ...) over each cell of pixels' values (rows, cols, ...)."""
+        (rows, cols), spacing = (n - 1 for n in self.nodes), self.grid.spacing_px
+        of_cells = values[:-1, :-1].reshape(rows, spacing, cols, spacing, *values.shape[2:])
+        return np.asarray(of_cells.mean(axis=(1, 3), dtype=np.float64))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -11,7 +12,7 @@ from scipy.signal import savgol_filter
 
 from zeromethod.arrays import Float, Mask, Single
 from zeromethod.fine.blend import blend, blended_variance, fine_share
-from zeromethod.fine.demodulate import Design
+from zeromethod.fine.demodulate import END_FRAMES, Design
 from zeromethod.fine.frames import FineFrame, FrameSequence, matvec
 from zeromethod.fine.lattice import PixelLattice
 from zeromethod.fine.motion import seen_motion
@@ -28,6 +29,8 @@ _SEEN_BY_PIXELS = np.uint16(
     Flag.MODULATION | Flag.LIGHT_LOST | Flag.FOLDED | Flag.UNDRAWABLE | Flag.AMBIGUOUS | Flag.BESIDE_DARK
 )
 """Reasons for which a node is left out that need not concern its pixels."""
+_PARTS = slice(None), slice(END_FRAMES), slice(-END_FRAMES, None), slice(-1, None)
+"""All frames, and those of `Demodulated.ends`."""
 _LEAST_WINDOW = 0.3
 """Share of a sensing window's pixels that must be usable for its mean to count."""
 _SHOWN_NOISE2, _POOL_NODES = 0.11, 9
@@ -44,7 +47,9 @@ class NodeWindows:
     warp: measured, blended. shown: (rows, cols, 2) the frames' mean. offset: (rows, cols, 2) LCD px to add to
     shown o (id + d), with the pixels' d. window: (rows, cols, 2) their mean over each node's window, LCD px,
     the blended one where there is none. share: (rows, cols) of what pixels see beyond the nodes, as they see
-    it in the mean of the frames. bending: (rows, cols, 2, 2) Jacobian of the shown warp.
+    it in the mean of the frames. bending: (rows, cols, 2, 2) Jacobian of the shown warp. moved2: (4, rows,
+    cols, 2) variance of where they saw the picture, camera px^2: in all frames, and where those of
+    `Demodulated.ends` are further off in these; 0 where it was not seen.
     """
 
     warp: Warp
@@ -53,6 +58,7 @@ class NodeWindows:
     window: Float
     share: Float
     bending: Float
+    moved2: Float
 
 
 def read_nodes(
@@ -93,8 +99,10 @@ def read_nodes(
     turns = np.stack([one.phase_rad[rows] for one in sequence.steps])
     d_variance = matvec(across * across, noise2)
     times = np.array([frame.measured.time_ns for frame in frames], np.float64)
-    seen, motion = seen_motion(
-        matvec(across, coarse - shown), per_late, d_variance, valid, turns, times, design.weights
+    places = matvec(across, coarse - shown)
+    seen, motion = seen_motion(places, per_late, d_variance, valid, turns, times, design.weights)
+    moved2 = _moved2(
+        places + sequence.apart, np.stack([frame.measured.valid for frame in frames]), d_variance
     )
     known = np.isfinite(fine).all(axis=-1)
     # the pixels' mean is late by what the nodes' fit is ahead of it
@@ -117,7 +125,22 @@ def read_nodes(
     q = np.where(by_pixels[..., None], fine, q)
     warp = replace(newest, q=q, sigma=sigma, flags=flags, role=Role.MEASURED, left=None)
     offset = added_mean - matvec(bending, excess)
-    return NodeWindows(warp, shown, offset, np.where(np.isfinite(fine), fine, q), share, bending)
+    return NodeWindows(warp, shown, offset, np.where(np.isfinite(fine), fine, q), share, bending, moved2)
+
+
+def _moved2(places: Float, valid: Mask, variance: Float) -> Float:
+    """`NodeWindows.moved2` of places (N, rows, cols, 2) in the frames where they are valid, (N, rows, cols).
+
+    variance: (rows, cols, 2) of one frame's; as much as two standard deviations of a usual node is no motion.
+    """
+    off = np.where(valid[..., None], places, np.nan)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # nodes that were never valid
+        off2 = (off - np.nanmean(off, axis=0)) ** 2
+        each = [np.nanmean(off2[part], axis=0) for part in _PARTS]
+    usual = variance[np.isfinite(variance).all(axis=-1)]
+    noise2 = 4.0 * np.median(usual, axis=0) if len(usual) else 0.0
+    return np.asarray(np.nan_to_num(np.maximum(np.maximum(each, each[0]) - noise2, 0.0)), np.float64)
 
 
 def _remembered(shown: Float, noise2: Float, grid: NodeGrid) -> Float:

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from zeromethod.arrays import Float, Image, Mask, Single
-from zeromethod.fine.demodulate import Demodulated, Design, demodulate, stood, usable_pixels
+from zeromethod.fine.contradiction import Scatter, contradicted
+from zeromethod.fine.demodulate import Demodulated, Design, demodulate, grey_variance, stood, usable_pixels
 from zeromethod.fine.detail import pixel_detail
 from zeromethod.fine.footprint import Footprint
 from zeromethod.fine.frames import FineFrame, FrameSequence
@@ -31,6 +32,9 @@ FRAMES = 24
 _MOST_SIGMA_PX = 2.0
 """Standard deviation of a pixel's displacement, an eighth of a period, above which it is left out."""
 
+_UNSEEN = 100.0
+"""Variance of pixels that are not seen over the usual one: they hardly count beside others. (With much more,
+the solution takes hundreds of iterations.)"""
 _LEAST_SHARE = 0.02
 """Share of the frames' fit below which pixels need not be seen by themselves."""
 
@@ -73,15 +77,18 @@ class FineReader:
         Returns
         -------
         FineSurface
-            NaN where a pixel, or the nodes around it, were not seen well enough.
+            NaN where a pixel, or the nodes around it, were not seen well enough, or the frames contradict
+            each other: something narrow came or went.
 
         Raises
         ------
         InputError
             Where the target's phases in these frames do not determine a pixel's displacement.
+        MeasurementError
+            Where the depth that explains the slopes was not found; the next reading does not start from it.
         """
         lattice, inner = self._lattice, self._grid.inner
-        nodes, d, variance, seen = self._fitted(frames)
+        nodes, d, variance, seen, contradictory = self._fitted(frames)
         surface = self._reader.follow(nodes.warp)
         coarse_slope, coarse_depth = _continued(surface, inner)
         share = np.clip(lattice.to_pixels(nodes.share[inner]), np.float32(0.0), np.float32(1.0))
@@ -90,9 +97,9 @@ class FineReader:
         )[inner]
         d = self._footprint.without_grid(d, seen)
         pixel_detail(lattice, nodes.shown, away, share, d, seen)
-        variance[~seen] = np.float32(_MOST_SIGMA_PX**2)
+        variance[~seen] = np.float32(_UNSEEN * float(np.median(variance[::8, ::8])))
         # what moves may blur within the frames: there the nodes are read all the same
-        valid = lattice.enclosed(surface.valid[inner]) & (seen | (share < _LEAST_SHARE))
+        valid = lattice.enclosed(surface.valid[inner]) & (seen | (share < _LEAST_SHARE)) & ~contradictory
         lever, by_slope, turned = lever_planes(self._reader.lever, coarse_depth, coarse_slope)
         jacobian = np.moveaxis(nodes.bending[inner].reshape(*lattice.nodes, 4), -1, 0)
         planes = Planes(turned, lever, by_slope, jacobian, np.moveaxis(coarse_slope, -1, 0))
@@ -109,6 +116,7 @@ class FineReader:
         slope2 *= share**2
         if (share < 1.0).any():
             slope2 += (1 - share) ** 2 * self._window_slope2(surface)
+        valid &= np.isfinite(depth + variance_mm2)
         for one in (depth, variance_mm2, slope[0], slope[1], slope2[0], slope2[1]):
             one[~valid] = np.nan
         box = lattice.box
@@ -129,8 +137,11 @@ class FineReader:
             spacing_px=self._grid.spacing_px,
         )
 
-    def _fitted(self, frames: Sequence[FineFrame]) -> tuple[NodeWindows, Single, Single, Mask]:
-        """Nodes, and of the pixels displacement and its variance (rows, cols, 2), and which are usable."""
+    def _fitted(self, frames: Sequence[FineFrame]) -> tuple[NodeWindows, Single, Single, Mask, Mask]:
+        """Nodes, and of the pixels displacement and its variance (rows, cols, 2), and two masks (rows, cols).
+
+        Which pixels are usable, and at which frames contradict each other.
+        """
         images = [frame.image for frame in frames]
         sequence = FrameSequence.of(frames, self._grid)
         steps = sequence.steps
@@ -143,15 +154,15 @@ class FineReader:
         ceiling = 2**self._camera.bits - 1
         usable = usable_pixels(pixels, ceiling, limits.visibility, _MOST_SIGMA_PX)
         d, variance, standing = pixels.d, pixels.variance, stood(pixels)
+        scatter = Scatter.of(self._lattice, pixels, len(frames), self._camera.noise)
         del images, steps, pixels
         nodes = read_nodes(self._lattice, frames, sequence, design, late_s, d, variance, usable, standing)
-        return nodes, d, variance, usable
+        contradictory = contradicted(self._lattice, scatter, nodes.moved2[:, *self._grid.inner])
+        return nodes, d, variance, usable, contradictory
 
     def _noise_grey(self, images: Sequence[Image]) -> float:
-        noise = self._camera.noise
-        per_grey = 0.0 if noise.electrons_per_grey is None else 1.0 / noise.electrons_per_grey
-        light = max(float(images[0][::8, ::8].mean()) - noise.black_grey, 0.0)
-        return float(np.sqrt(noise.read_grey**2 + 1 / 12 + per_grey * light))
+        typical = np.asarray(images[0][::8, ::8].mean(), np.float32)
+        return float(np.sqrt(grey_variance(self._camera.noise, typical)))
 
     def _demodulated(self, images: Sequence[Image], design: Design) -> Demodulated:
         """Pixels between the nodes."""
@@ -178,7 +189,9 @@ class FineReader:
         weights = step_weights(slope2, x, y, scale, valid)
         left = sources((across, down), weights)
         del across, down
-        self._integrator.solve(left, weights, self._last)
+        found = self._last.copy()
+        self._integrator.solve(left, weights, found)
+        self._last = found
         del left, weights
         error = self._last - _mean(self._last, self._lattice.enclosed(anchored) & valid, valid)
         error *= scale

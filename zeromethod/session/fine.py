@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from zeromethod.arrays import Float, Image
-from zeromethod.errors import InputError
+from zeromethod.errors import InputError, MeasurementError
 from zeromethod.exposure.target_phase import TargetPhase
 from zeromethod.fine.frames import FineFrame
 from zeromethod.fine.reader import FRAMES, FineReader
@@ -108,7 +108,7 @@ class FineReadings:
         self._process: SurfaceProcess | None = None
         self._worker: Worker[_Asked, tuple[Step, FineFigures]] | SameThread[_Asked, tuple[Step, FineFigures]]
         self._worker = SameThread(lambda: nullcontext(self._serve))
-        self._lost = ""
+        self._lost = self._unsolved = ""
 
     @contextlib.contextmanager
     def in_own_process(self) -> Iterator[None]:
@@ -155,16 +155,17 @@ class FineReadings:
         if self._process is not None:
             self._process.give_up_if_late()
         lost, self._lost = self._lost, ""
-        return (
-            (f"the process that reads fine surfaces is lost ({lost}): there are none any more",)
-            if lost
-            else ()
-        )
+        unsolved, self._unsolved = self._unsolved, ""
+        said = f"the process that reads fine surfaces is lost ({lost}): there are none any more"
+        return (said,) * bool(lost) + (f"a fine surface is left out: {unsolved}",) * bool(unsolved)
 
     def _serve(self, asked: _Asked) -> tuple[Step, FineFigures] | None:
         try:
             surface = self._read(with_doubt(asked.frames, asked.step.zero, self._doubt))
         except InputError:  # phases that do not determine the pixels: the target stood, as a picture was kept
+            return None
+        except MeasurementError as why:
+            self._unsolved = str(why)
             return None
         return replace(asked.step, fine=surface), figures_of(surface, asked.step.phase, self._truth)
 
