@@ -68,7 +68,7 @@ ROWS = (
     Row("every-pixel", "every_pixel --part rest --part dents --seeds 3", 2.3),
     Row("thin", "thin --draws 4 --benches 0", 1.3),
     Row("rubbing", "rubbing", 4),
-    Row("fabrics", "rubbing --part fabrics --quick", 3.2),
+    Row("fabrics", "rubbing --part fabrics --quick", 3.3),
     Row("pointers", "interactive --touches 200", 4),
     Row("approach", "contactless --approaches 100 --minutes 60", 33),
     Row("lightings", "lightings --quick --no-sweep", 4.5, salted=False),
