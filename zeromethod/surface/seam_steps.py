@@ -2,7 +2,7 @@
 
 A tooth whose faces are others shifts its part of the picture as a whole, in all rows alike. On either side of
 a seam the slope, mean over rows, follows one polynomial; what it jumps by there besides is the teeth's. It is
-the same in every frame, at rest and under a press, and better known the more frames were read.
+the same in every frame, and known from those in which little presses near the seam, at rest above all.
 """
 
 from __future__ import annotations
@@ -19,8 +19,9 @@ from zeromethod.optics.saw_rays import seams
 _SIDE, _APART = 7, 2
 """Nodes on either side of a seam that a polynomial goes through, and nodes beside the seam, left out:
 what is drawn there is continued from its own side."""
-_DEGREES = 3, 5
-"""Of the polynomial; by what the step differs between the two, beyond twice its noise, it may be off."""
+_DEGREE = 3
+"""Of the polynomial. The step may be off by as much as slope changes on either side: behind the seam a press
+may bend as much."""
 _LEAST_ROWS = 0.3
 """Share of the rows that must be read on both sides: what presses on a seam is rarely as long as the view."""
 _SIGMAS = 5.0
@@ -81,16 +82,14 @@ class SeamSteps:
             )
             place = 2.0 * (x - x.mean()) / np.ptp(x)
             jump = np.where(np.arange(2 * _SIDE) < _SIDE, -0.5, 0.5)
-            low, high = (
-                np.linalg.pinv(np.column_stack([jump, np.vander(place, n + 1)]))[0] for n in _DEGREES
-            )
+            weights = np.linalg.pinv(np.column_stack([jump, np.vander(place, _DEGREE + 1)]))[0]
             of_mean2 = one.turn**2 @ noise.mean(axis=0) * self._shared / used
-            apart, noise2 = high - low, float(low @ low) * of_mean2
-            doubt2 = (one.turn @ (apart @ mean)) ** 2 - 4.0 * float(apart @ apart) * of_mean2
-            doubt2 = np.maximum(doubt2, 0.0)
+            noise2 = float(weights @ weights) * of_mean2
+            seen = mean @ one.turn.T
+            doubt2 = np.maximum(np.ptp(seen[:_SIDE], axis=0), np.ptp(seen[_SIDE:], axis=0)) ** 2
             one.weights += 1.0 / (noise2 + doubt2)
-            one.total += one.turn @ (low @ mean) / (noise2 + doubt2)
-            one.least2 = np.minimum(one.least2, noise2 / FRAMES + doubt2)
+            one.total += weights @ seen / (noise2 + doubt2)
+            one.least2 = np.minimum(one.least2, (noise2 + doubt2) / FRAMES)
 
     def _found(self) -> tuple[Float, Float]:
         """Steps (seams, 2), LCD px, and their variances; what a null has gathered stays for some frames."""
