@@ -202,12 +202,22 @@ def test_nothing_is_beside_a_contact_where_nodes_never_had_light() -> None:
 
 @pytest.mark.parametrize("flank_deg", [5.0, 20.0, 45.0])
 def test_a_peak_beside_a_hole_says_how_deep_a_tip_in_it_may_go(flank_deg: float) -> None:
-    """The hole is three times as wide as what touches; known are its size and how steep it is around."""
+    """The hole is several times as wide as what touches; known are its size and how steep it is around."""
+    least = np.sqrt(0.2 / np.pi) / RADIUS_MM  # shapes are the same at any size: this one is a quarter of it
     tip_mm = np.pi / 2 * RADIUS_MM * np.tan(np.radians(flank_deg))
     surface, _, true = pressed(("cone", tip_mm, 0.0), holes_mm=2.0)
+    lengths = ("depth_mm", "x_mm", "y_mm", "sigma_depth_mm")
+    small = replace(surface, **{name: least * getattr(surface, name) for name in lengths})
+    found, deepest_mm = deepest_of_all(small, peak(small), ()), least * true.max()
+    assert found.where is Where.BESIDE
+    assert deepest_mm > 4 * found.depth_mm
+    assert abs(deepest_mm - found.depth_mm) < 3 * found.sigma_mm
+    # all flanks up to 45 degrees are as likely: at 5 degrees it says 2.4 times what is true
+    assert found.sigma_mm < 4 * deepest_mm
+
+
+def test_what_makes_steeper_slopes_than_a_contact_too_small_to_be_outlined_is_no_tip() -> None:
+    surface, _, _ = pressed(("cone", 0.5, 0.0), holes_mm=2.0)
     found = deepest_of_all(surface, peak(surface), ())
     assert found.where is Where.BESIDE
-    assert true.max() > 4 * found.depth_mm
-    assert abs(true.max() - found.depth_mm) < 3 * found.sigma_mm
-    # all flanks up to 45 degrees are as likely: at 5 degrees it says 2.4 times what is true
-    assert found.sigma_mm < 4 * true.max()
+    assert found.sigma_mm == peak(surface).sigma_mm

@@ -11,6 +11,9 @@ import numpy as np
 
 from zeromethod.arrays import Float, Mask, Single
 
+LEAST_MM2 = 0.2
+"""Area below which nothing is called a contact."""
+
 
 @dataclass(frozen=True, slots=True)
 class Probability:

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from zeromethod.arrays import Mask
-from zeromethod.contact.contact import Contact
+from zeromethod.contact.contact import LEAST_MM2, Contact
 from zeromethod.surface import Peak, Surface, Where
 from zeromethod.surface.holes import tip_in_holes_mm
 
@@ -59,6 +59,6 @@ def deepest_of_all(surface: Surface, measured: Peak, contacts: Sequence[Contact]
         return measured
     tip_mm = 0.0
     if inside is None and surface.cut_off is None and not contacts:
-        tip_mm = tip_in_holes_mm(surface, beside, measured.depth_mm)
+        tip_mm = tip_in_holes_mm(surface, beside, measured.depth_mm, LEAST_MM2)
     sigma_mm, deeper_mm = (math.hypot(one, tip_mm) for one in (measured.sigma_mm, measured.deeper_mm))
     return replace(measured, where=Where.BESIDE, sigma_mm=sigma_mm, deeper_mm=deeper_mm)

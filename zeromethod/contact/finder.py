@@ -10,7 +10,7 @@ import numpy as np
 
 from zeromethod.arrays import Float, Image, Single
 from zeromethod.contact import flat, in_mm, outline, shadow
-from zeromethod.contact.contact import Contact, Probability
+from zeromethod.contact.contact import LEAST_MM2, Contact, Probability
 from zeromethod.contact.deepest import deepest_of_all
 from zeromethod.contact.force_fit import ForceFit
 from zeromethod.contact.in_mm import MirrorPlaces
@@ -36,8 +36,6 @@ from zeromethod.sensing.residual import Residual
 from zeromethod.surface import Peak, Surface
 from zeromethod.warp.grid import NodeGrid
 
-LEAST_MM2 = 0.2
-"""Area below which nothing is called a contact."""
 _LENS_PX = 0.5
 """Blur of a border by a pupil that the rig does not give."""
 _PIXEL_PX2 = 1 / 6

@@ -23,8 +23,8 @@ import cv2
 import numpy as np
 
 from zeromethod.arrays import Float, Image, Mask, Single
-from zeromethod.contact.contact import Contact, Probability
-from zeromethod.contact.finder import LEAST_MM2, ContactFinder
+from zeromethod.contact.contact import LEAST_MM2, Contact, Probability
+from zeromethod.contact.finder import ContactFinder
 from zeromethod.contact.force_fit import ForceFit
 from zeromethod.contact.moments import moments
 from zeromethod.contact.outline import first_outline

@@ -60,12 +60,13 @@ def deeper_inside_mm(surface: Surface, measured: Mask, fitted: Mask, depth_mm: f
     return max(float(np.nanmax(further)) - abs(depth_mm), 0.0)
 
 
-def tip_in_holes_mm(surface: Surface, dark: Mask, depth_mm: float) -> float:
+def tip_in_holes_mm(surface: Surface, dark: Mask, depth_mm: float, largest_mm2: float) -> float:
     """Standard deviation of how much deeper a tip may go in the holes of dark nodes (rows, cols), mm.
 
     From afar, a cone of flank f that is pressed in by d makes the slope s = d a / (pi r^2), and touches up to
     a = 2 d / (pi tan f) (Sneddon 1965, doi:10.1016/0020-7225(65)90019-4): d = pi r sqrt(s tan f / 2). This is
-    its rms over all tan f up to 1, where linear elasticity ends. depth_mm: beside the holes; its sign counts.
+    its rms over all tan f up to 1, where linear elasticity ends; 0 where only a tip that touches more than
+    largest_mm2 makes slopes as steep. depth_mm: beside the holes; its sign counts.
     """
     unread = ~surface.valid & surface.on_mirror
     _, labels = cv2.connectedComponents(unread.view(np.uint8), connectivity=4)
@@ -77,7 +78,9 @@ def tip_in_holes_mm(surface: Surface, dark: Mask, depth_mm: float) -> float:
     away = np.stack([a[hole] - a[rim] for a in (surface.x_mm, surface.y_mm)], axis=-1)
     away_mm = np.hypot(*away.T)
     inwards = np.sign(depth_mm) * (surface.slope[rim] * away).sum(axis=-1) / np.maximum(away_mm, 1e-9)
-    return float(0.5 * np.pi * away_mm.max() * np.sqrt(max(inwards.mean(), 0.0)))
+    strength_mm2 = max(float(inwards.mean()), 0.0) * float(away_mm.max()) ** 2
+    # s r^2 = a^2 tan f / 2
+    return 0.0 if strength_mm2 > 0.5 * largest_mm2 / np.pi else 0.5 * np.pi * float(np.sqrt(strength_mm2))
 
 
 class _Holes:
