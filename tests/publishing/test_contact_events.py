@@ -87,6 +87,10 @@ def test_what_is_in_contact_touches_from_when_it_was_first_seen_until_it_is_gone
     assert ended.kind == "ended"
 
 
+def test_what_was_dark_from_the_start_is_no_touch():
+    assert not watched([0.0] * 10, dark=np.s_[2:10, 2:10])
+
+
 def test_a_touch_found_by_light_alone_gets_its_depth_once_it_has_one():
     watch = ContactWatch()
     assert not watched([0.0], watch)
@@ -101,3 +105,8 @@ def test_the_second_touch_does_not_remember_the_first():
     *_, ended = watched([0.2] * 3 + lift + press + lift)
     assert ended.number == 4
     assert ended.depth_mm == pytest.approx(0.05, rel=1e-4)
+
+
+def test_a_reading_without_a_single_node_is_no_touch():
+    everything = np.s_[:, :]
+    assert not watched([0.1] * 5, dark=everything)

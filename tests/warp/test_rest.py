@@ -10,7 +10,7 @@ from small_rigs import with_tables
 from zeromethod import InputError, NodeGrid, Rig, SurfaceReader, Warp, binned, peak
 from zeromethod.calibration import build, describe
 from zeromethod.optics import Dented, Optics
-from zeromethod.rig.load import load_rig, parse_rig, read_text
+from zeromethod.rig.load import load_rig, parse_rig
 from zeromethod.rig.save import save_values
 from zeromethod.simulation.press import Dent, Mirror, Shape
 from zeromethod.warp.rest import Rest
@@ -94,12 +94,12 @@ def test_a_rest_map_of_another_camera_is_refused(believed, rest_map, tmp_path):
 
 def test_a_rest_map_lies_next_to_its_rig_file(rest_map, tmp_path):
     source = tmp_path / "mine.toml"
-    source.write_text(read_text(Path("calibration/rigs/simulated.toml")))
+    source.write_text(Path("calibration/rigs/simulated.toml").read_text())
     with pytest.raises(InputError, match=r"camera.rest_map: .rest.npz.: an existing .npz or .h5 file"):
         save_values(source, {"camera.rest_map": "rest.npz"})
     rest_map.save(tmp_path / "rest.npz")
     save_values(source, {"camera.rest_map": "rest.npz"})
-    assert parse_rig(read_text(source), source).camera.rest_map == tmp_path / "rest.npz"
+    assert parse_rig(source.read_text(), source).camera.rest_map == tmp_path / "rest.npz"
 
 
 def test_no_node_is_read_by_the_ray_of_another(tmp_path):

@@ -24,11 +24,14 @@ def _deepest(inside: Surface, nodes: Mask) -> tuple[int, int]:
     return int(row), int(col)
 
 
-def deepest_of_all(surface: Surface, measured: Peak, contacts: Sequence[Contact]) -> Peak:
+def deepest_of_all(
+    surface: Surface, measured: Peak, contacts: Sequence[Contact], lit: Mask | None = None
+) -> Peak:
     """The peak, inside a contact where that goes deeper than what was measured.
 
     Its place is known as well as the bottom is flat: the spread of all nodes about as deep. Beside a hole
-    that went dark, in which no contact could be outlined, sigma has what a tip may reach there.
+    that went dark, in which no contact could be outlined, sigma has what a tip may reach there. lit: nodes
+    (rows, cols) that had light before; others, as next to where the view ends, have lost none. None: all.
     """
     inside = surface.inside
     if inside is not None:
@@ -47,7 +50,7 @@ def deepest_of_all(surface: Surface, measured: Peak, contacts: Sequence[Contact]
             stated = (float(one[at]) for one in (surface.sigma_x_mm, surface.sigma_y_mm))
             sigma_x, sigma_y = (math.hypot(*pair) for pair in zip(apart, stated, strict=True))
             return Peak(depth, place[0], place[1], sigma, 0.0, sigma_x, sigma_y, Where.INSIDE)
-    hole = surface.contact if inside is None else inside.valid
+    hole = inside.valid if inside is not None else surface.contact if lit is None else surface.contact & lit
     away = np.hypot(surface.x_mm - measured.x_mm, surface.y_mm - measured.y_mm)
     if not np.isfinite(away).any():
         return measured

@@ -119,9 +119,6 @@ class ContactFinder:
     ) -> tuple[Surface, Peak, tuple[Contact, ...]]:
         """Surface, peak and contacts with the depth inside contacts, as far as it can be known.
 
-        Nodes that were never read have lost no light, as next to where the view ends: `Surface.contact` is
-        without them.
-
         Parameters
         ----------
         surface, deepest : Surface, Peak
@@ -137,11 +134,10 @@ class ContactFinder:
             The surface with `inside`, the deepest point of all of it, contacts with `depth_mm`.
         """
         self._lit |= surface.valid
-        inside = None
         if contacts:
             inside, contacts = carried_inside(surface, contacts, self._places, fit)
-        surface = replace(surface, inside=inside, contact=surface.contact & self._lit)
-        return surface, deepest_of_all(surface, deepest, contacts), contacts
+            surface = replace(surface, inside=inside)
+        return surface, deepest_of_all(surface, deepest, contacts, self._lit), contacts
 
     def with_images(
         self, image: Image, residual: Residual, surface: Surface, contacts: tuple[Contact, ...]

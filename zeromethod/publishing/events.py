@@ -8,6 +8,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from zeromethod.arrays import Mask
 from zeromethod.contact import Contact
 from zeromethod.surface import Peak, Surface
 
@@ -55,8 +56,8 @@ class ContactWatch:
     """Follows one touch, the deepest.
 
     What is in contact touches, from the reading that names it; what only presses touches, too: a reading
-    shows a touch when its deepest point is at least max(5 sigma, 1 um) deep, or at least nine nodes have lost
-    their light. Three consecutive such readings begin it; three below 0.8 of both limits, without a contact,
+    shows a touch when its deepest point is at least max(5 sigma, 1 um) deep, or at least nine nodes that
+    were read before have lost their light. Three consecutive such readings begin it; three below 0.8 of both limits, without a contact,
     end it. Frames that were not read count for neither; a bulge is no touch.
     """
 
@@ -66,6 +67,7 @@ class ContactWatch:
         self._consecutive = 0
         self._since_ns = 0
         self._deepest: _Place | None = None
+        self._lit: Mask | None = None
 
     @property
     def touching(self) -> bool:
@@ -98,12 +100,14 @@ class ContactWatch:
     def _touched(self, surface: Surface, deepest: Peak, contacts: Sequence[Contact]) -> _Place | None:
         """Where a reading shows a touch, None where it shows none."""
         share = _RELEASE if self._touching else 1.0
+        self._lit = surface.valid if self._lit is None else self._lit | surface.valid
         # Comparisons with NaN, where nothing was read, are False.
         if deepest.depth_mm >= share * max(TOUCH_SIGMAS * deepest.sigma_local_mm, TOUCH_MM):
             return _Place(deepest.x_mm, deepest.y_mm, deepest.depth_mm)
         if contacts:
             return _Place(contacts[0].x_mm, contacts[0].y_mm, float("nan"))
-        dark = surface.contact & surface.on_mirror
+        # Some nodes may be dark at rest: only lit ones can lose their light.
+        dark = surface.contact & self._lit & surface.on_mirror
         if np.count_nonzero(dark) < share * TOUCH_NODES:
             return None
         return _Place(float(surface.x_mm[dark].mean()), float(surface.y_mm[dark].mean()), float("nan"))
