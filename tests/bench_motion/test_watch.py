@@ -262,3 +262,9 @@ def test_a_telecentric_bench_whose_lcd_has_another_pitch_is_named():
     middle = bench.optics.rest_map(*np.array(bench.rig.camera.centre_px)[:, None])[0]
     watch.look(replace(flat, q=middle + (flat.q - middle) / 1.005), rest.q)
     assert "LCD's pitch_mm is wrong" in watch.moved
+    # what comes after the mirror was seen as the rig file says is a press: no motion changes a scale
+    watch.forget()
+    watch.look(flat, rest.q)
+    for _ in range(2 * FRAMES):
+        watch.look(replace(flat, q=middle + (flat.q - middle) / 1.005), rest.q)
+    assert not watch.moved

@@ -115,7 +115,10 @@ def read(run: Session) -> list[StepFigures]:
 
 
 @pytest.mark.parametrize("real", [False, True], ids=["simulated", "real"])
-def test_a_run_reads_depth_and_publishes_to_the_end(real):
+def test_a_run_reads_depth_and_publishes_to_the_end(real, monkeypatch):
+    monkeypatch.setattr(
+        "zeromethod.session.reading.CLOSING_S", PATIENCE_S
+    )  # a busy machine reads for seconds
     with session(real) as (run, published):
         eye: Eye = run.devices.camera  # type: ignore[attr-defined]
         rows, columns = eye.shape

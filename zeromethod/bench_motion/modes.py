@@ -129,6 +129,12 @@ class BenchModes:
         size = np.linalg.norm(self.motions, axis=-1, keepdims=True)
         return np.where(size > 1e-6 * size.max(), self.motions / np.maximum(size, 1e-300), 0.0)
 
+    @cached_property
+    def scale(self) -> Float | None:
+        """(modes,) of length 1: what only a wrong scale makes, and no motion; None where there is none."""
+        _, values, right = np.linalg.svd(np.delete(self._directions, 2, axis=0))
+        return right[-1] if self.telecentric and values[-1] < _LEAST * values[0] else None
+
     def group(self, motion: Float, seen: Float | None = None) -> str:
         """Names of the motions, at most one of each part, that alone explain a sum (modes,) of modes.
 

@@ -57,15 +57,20 @@ class _Found:
     alike: bool
 
     @classmethod
-    def of(cls, fitter: MotionFitter, terms: Terms) -> _Found:
-        """Judge terms."""
+    def of(cls, fitter: MotionFitter, terms: Terms, fixed: Float | None) -> _Found:
+        """Judge terms. fixed: sum (modes,) of length 1 that no motion has; None for none."""
         noise2, count = terms.noise_px**2, fitter.count
         motion2 = float(np.sum(terms.values[:count] ** 2))
         left2, free = float(np.sum(terms.values[count:] ** 2)), len(terms.values) - count
+        motion = fitter.motion(terms)
+        if fixed is not None:
+            part2 = min(float(motion @ fixed) ** 2, motion2)
+            motion2, left2, free = motion2 - part2, left2 + part2, free + 1
+            motion = motion - (motion @ fixed) * fixed
         beyond2, doubt2 = max(left2 - free * noise2, 0.0), 2.0 * np.sqrt(2.0 * free) * noise2
         # what noise does once in twenty times
         beyond = max(motion2 - (count + 2.0 * np.sqrt(2.0 * count)) * noise2, 0.0)
-        drift = fitter.motion(terms) * np.sqrt(beyond / max(motion2, beyond, 1e-30))
+        drift = motion * np.sqrt(beyond / max(motion2, beyond, 1e-30))
         moved_px, left_px = float(np.sqrt(motion2)), float(np.sqrt(beyond2 + doubt2))
         return cls(moved_px, left_px, drift, left_px < UNLIKE * moved_px, beyond2 < 1.5 * doubt2)
 
@@ -136,6 +141,8 @@ class BenchWatch:
         self.motion: Float | None = None
         self.drift: Float = np.zeros(modes.count)
         self._largest_px = 0.0
+        # a scale is as it is: once the mirror was seen as the rig file says, only a press looks like another
+        self._fixed_scale: Float | None = None
 
     def look(self, warp: Warp, rest_q: Float) -> None:
         """Judge a nulled frame's warp against `rest_q`, (rows, cols, 2) LCD px."""
@@ -151,11 +158,12 @@ class BenchWatch:
 
     def _judge_view(self, fitter: MotionFitter, terms: Terms) -> bool:
         """Judge the whole view; whether nothing presses."""
-        found = _Found.of(fitter, terms)
+        found = _Found.of(fitter, terms, self._fixed_scale)
         if found.rigid or found.alike:
             self.motion = fitter.motion(terms)
             self.drift = self._before = self._sure = found.drift
             self._press.forget()
+            self._fixed_scale = self.modes.scale if found.alike else self._fixed_scale
         if found.rigid and found.motion_px > max(LEAST_LCD_PX, self._largest_px):
             self._largest_px = found.motion_px
             self.moved = f"the bench moved {self.modes.words(fitter.motion(terms))}"
@@ -167,7 +175,7 @@ class BenchWatch:
         terms, fitter = press.look(warp, rest_q, whole), press.fitter
         if terms is None or fitter is None:
             return
-        found = _Found.of(fitter, terms)
+        found = _Found.of(fitter, terms, self._fixed_scale)
         if not (terms.passing > _PASSING_HELD and (found.rigid or found.alike)):
             # the press has changed; what was no press before stays
             press.forget()

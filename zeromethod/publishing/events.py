@@ -56,9 +56,9 @@ class ContactWatch:
     """Follows one touch, the deepest.
 
     What is in contact touches, from the reading that names it; what only presses touches, too: a reading
-    shows a touch when its deepest point is at least max(5 sigma, 1 um) deep, or at least nine nodes that
-    were read before have lost their light. Three consecutive such readings begin it; three below 0.8 of both limits, without a contact,
-    end it. Frames that were not read count for neither; a bulge is no touch.
+    shows a touch when its deepest point is at least max(5 sigma, 1 um) deep, or at least nine nodes that were
+    read before have lost their light. Three consecutive such readings begin it; three below 0.8 of both
+    limits, without a contact, end it. Frames that were not read count for neither; a bulge is no touch.
     """
 
     def __init__(self) -> None:

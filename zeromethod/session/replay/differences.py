@@ -84,8 +84,8 @@ class DepthDifferences:
         depth_mm, x_mm, y_mm, sigma_mm, deeper_mm = (float(row[name]) for name in names)
         known = Peak(depth_mm, x_mm, y_mm, sigma_mm, deeper_mm)
         recorded = self._recorded(step)
-        # the depth inside a contact comes from pictures, which are not looked at again; so does what sigma has
-        # of a tip beside a peak
+        # the depth inside a contact comes from pictures, which are not looked at again; so does what sigma
+        # has of a tip beside a peak
         carried, told = row["where"] == Where.INSIDE, 3 if row["where"] == Where.BESIDE else 4
         equal = bool(carried) or same(_numbers(known)[:told], _numbers(peak)[:told])
         spread = Spread(1e6)
