@@ -3,7 +3,7 @@
 import warnings
 
 import pytest
-from command_line import run
+from command_line import run, start
 
 from zeromethod.cli.output import folder_for, write_summary
 from zeromethod.errors import InputError
@@ -30,3 +30,10 @@ def test_a_warning_is_one_line(capsys):
         warnings.simplefilter("always")
         warnings.warn("a.h5: frames/image:\n damaged", UserWarning, stacklevel=1)
     assert capsys.readouterr().err == "! a.h5: frames/image: damaged\n"
+
+
+def test_who_closes_the_output_is_not_told_that_a_driver_failed():
+    with start("devices") as process:
+        process.stdout.close()
+        assert process.stderr.read() == ""
+    assert process.returncode == 0

@@ -8,7 +8,7 @@ import numpy as np
 
 from zeromethod import Rig, binned, load_rig, open_devices
 from zeromethod.clock import SimulatedClock
-from zeromethod.devices.contract import taken
+from zeromethod.devices.contract import said_by, taken
 from zeromethod.devices.protocols import Frame
 from zeromethod.simulation.camera import SimulatedCamera
 from zeromethod.simulation.watch_camera import SimulatedWatchCamera
@@ -60,3 +60,12 @@ def test_a_buffer_that_is_filled_again_is_copied_whatever_its_driver_is_derived_
     with open_devices(rig) as devices:
         assert not keeps_its_frames(lambda: devices.camera.read(1.0))
         assert keeps_its_frames(lambda: taken(devices.camera, 1.0))
+
+
+def test_an_exception_that_cannot_say_what_it_is_says_nothing():
+    class Mute(Exception):
+        def __str__(self):
+            raise RuntimeError
+
+    assert said_by(Mute()) == ""
+    assert said_by(ValueError("two\nlines")) == "two lines"

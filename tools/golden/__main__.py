@@ -75,6 +75,9 @@ def make_baseline() -> int:
 
 def compare(names: list[str]) -> int:
     """Play scenarios with this tree, and print what differs from the baseline."""
+    if unknown := sorted(set(names) - set(NAMES)):
+        print(f"golden: {unknown[0]}: not a scenario: {', '.join(NAMES)}", file=sys.stderr)
+        return 2
     if not (FOLDER / "played").is_dir():
         print(
             f"golden: no baseline of {BASELINE['commit'][:12]} on this machine: make golden-baseline",

@@ -132,11 +132,13 @@ def main(
         click.echo(f"zeromethod: measurement failed: {error}", err=True)
         code = 1
     except SystemExit as error:
-        # nothing here raises it: a driver, or a library under it
-        click.echo(
-            f"zeromethod: measurement failed: a driver ended the program (SystemExit: {error})", err=True
-        )
-        code = 1
+        if isinstance(error.__context__, BrokenPipeError):  # click's answer to it
+            _drop_output()
+            code = 0
+        else:  # nothing here raises it: a driver, or a library under it
+            words = f"a driver ended the program (SystemExit: {error})"
+            click.echo(f"zeromethod: measurement failed: {words}", err=True)
+            code = 1
     except BrokenPipeError:
         # the reader of the output has closed it
         _drop_output()

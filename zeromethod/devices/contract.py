@@ -21,6 +21,14 @@ _MOST = {"time_ns": 1 << 63, "exposure_ns": 1 << 63, "number": 1 << 63, "dropped
 """A frame's numbers, each with the first that a recording's column of it (i8, i4) cannot hold."""
 
 
+def said_by(error: BaseException) -> str:
+    """What an exception says, in one line; "" where it says nothing, or cannot."""
+    try:
+        return " ".join(str(error).split())
+    except Exception:  # of a driver's own class
+        return ""
+
+
 def taken(camera: Camera, timeout_s: float) -> Frame:
     """Next frame of a camera, as `own` has it. Raises what its `read` raises, TypeError for no frame."""
     return own(camera.read(timeout_s), camera.read)
@@ -84,7 +92,8 @@ def presented(show: Callable[[], object], clock: Clock, refresh_hz: float) -> in
     now_ns = clock.now_ns()
     time_ns = _plain(given)
     if not isinstance(time_ns, int):
-        raise TypeError(f"show() gave {given!r}, not the presentation time in ns")
+        words = " ".join(reprlib.repr(given).split())
+        raise TypeError(f"show() gave {words}, not the presentation time in ns")
     for off_ns, words in (
         (time_ns - now_ns, "past the present"),
         (asked_ns - time_ns, "before it was called"),

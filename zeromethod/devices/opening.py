@@ -22,7 +22,7 @@ from typing import Any, Literal, cast
 
 from zeromethod.clock import Clock, HostClock, SimulatedClock
 from zeromethod.devices.abilities import poll_of
-from zeromethod.devices.contract import RAISED
+from zeromethod.devices.contract import RAISED, said_by
 from zeromethod.devices.protocols import Camera, Display
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.rig.model import CameraSpec, DisplaySpec, Rig, check_rig
@@ -337,5 +337,5 @@ def _members(protocol: type) -> list[str]:
 
 
 def _one_line(error: BaseException) -> str:
-    words, name = " ".join(str(error).split()), type(error).__name__
+    words, name = said_by(error), type(error).__name__
     return f"{name}: {words}" if words and isinstance(error, KeyError | SystemExit) else words or name

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from zeromethod.clock import Clock
-from zeromethod.devices.contract import taken
+from zeromethod.devices.contract import said_by, taken
 from zeromethod.devices.protocols import Camera, CameraLost, CameraTimeout, DisplayLost, Frame
 from zeromethod.loop.events import Event
 from zeromethod.loop.reopening import Reopener
@@ -48,7 +48,7 @@ def failure(error: BaseException) -> Trouble:
     if isinstance(error, DisplayLost):
         return Trouble(Outcome.FAILED, f"the display is lost: {error}", (Event.DISPLAY_LOST,), ends=True)
     where = traceback.extract_tb(error.__traceback__)[-1]
-    words = " ".join(str(error).split()) or "no message"
+    words = said_by(error) or "no message"
     reason = f"{type(error).__name__} in {Path(where.filename).name}, line {where.lineno}: {words}"
     return Trouble(Outcome.FAILED, reason, (Event.DEVICE_BROKEN,), ends=True)
 
