@@ -59,7 +59,7 @@ def test_a_buffer_that_is_filled_again_is_copied_whatever_its_driver_is_derived_
     rig = RIG.replace({"camera.driver": f"{__name__}:OneBuffer"})
     with open_devices(rig) as devices:
         assert not keeps_its_frames(lambda: devices.camera.read(1.0))
-        assert keeps_its_frames(lambda: taken(devices.camera, 1.0))
+        assert keeps_its_frames(lambda: taken(devices.camera.read, 1.0))
 
 
 def test_an_exception_that_cannot_say_what_it_is_says_nothing():

@@ -8,7 +8,7 @@ from contextlib import contextmanager, suppress
 from zeromethod.approach.approach import FAULTY, Approach, Watching
 from zeromethod.approach.reader import WatchReader
 from zeromethod.clock import Clock, HostClock
-from zeromethod.devices.contract import RAISED, taken, wrong_numbers
+from zeromethod.devices.contract import RAISED, said_by, taken, wrong_numbers
 from zeromethod.devices.protocols import Camera, CameraLost, CameraTimeout
 from zeromethod.rig.model import Rig
 from zeromethod.worker import SameThread, Worker
@@ -87,7 +87,7 @@ class Watch:
                     self._clock.sleep_until_ns(now_ns + round(1e9 * self._wait_s))
                     return None
                 self._camera, self._frame_ns = self._open(), now_ns
-            frame = taken(self._camera, self._wait_s)
+            frame = taken(self._camera.read, self._wait_s)
             if wrong := wrong_numbers(frame):
                 raise CameraLost(wrong)
         except CameraTimeout:
@@ -97,7 +97,7 @@ class Watch:
         except RAISED as error:  # of any kind: the run does not depend on this camera
             self._close_camera()
             self._tried_ns = now_ns
-            words = " ".join(str(error).split()) or type(error).__name__
+            words = said_by(error) or type(error).__name__
             kind = "" if isinstance(error, CameraLost) else f"{type(error).__name__}: "
             return Approach(watching=Watching.LOST, time_ns=now_ns, reason=kind + words)
         self._frame_ns = now_ns

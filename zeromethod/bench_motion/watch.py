@@ -28,7 +28,7 @@ LEAST_LCD_PX = 0.05
 LEAST_KNOWN_LCD_PX = 0.02
 """The same of nodes known to rest, and from which `--follow-bench` corrects."""
 
-_SIGMAS = 5.0
+SIGMAS = 5.0
 """Standard deviations of noise from which on motion is seen."""
 _PASSING = 0.98
 """Share of the nodes that must agree with rigid motion within their noise, or something presses."""
@@ -91,7 +91,7 @@ class _Averaged:
             return None
         if self._last and len(terms.values) == len(self._last[-1].values):
             jump = float(np.linalg.norm(terms.values - self._last[-1].values))
-            if jump > max(LEAST_LCD_PX, _SIGMAS * terms.noise_px * np.sqrt(2.0 * len(terms.values))):
+            if jump > max(LEAST_LCD_PX, SIGMAS * terms.noise_px * np.sqrt(2.0 * len(terms.values))):
                 self._last.clear()
         self._last.append(terms)
         values = np.mean([one.values for one in self._last], axis=0)
@@ -191,11 +191,11 @@ class BenchWatch:
 
     def _judge_known(self, fitter: MotionFitter, terms: Terms) -> None:
         moved_px = float(np.linalg.norm(terms.values[: fitter.count]))
-        if moved_px < max(_SIGMAS * terms.noise_px * np.sqrt(fitter.count), LEAST_KNOWN_LCD_PX):
+        if moved_px < max(SIGMAS * terms.noise_px * np.sqrt(fitter.count), LEAST_KNOWN_LCD_PX):
             return
         left_px = float(np.linalg.norm(terms.values[fitter.count :]))
         motion = fitter.motion(terms)
-        rigid = left_px < UNLIKE * moved_px + _SIGMAS * terms.noise_px * np.sqrt(len(terms.values))
+        rigid = left_px < UNLIKE * moved_px + SIGMAS * terms.noise_px * np.sqrt(len(terms.values))
         if self._fixed and rigid and terms.passing > _PASSING:
             self.motion = motion
             words = f"the bench moved {self.modes.words(motion)}"

@@ -32,7 +32,8 @@ _X_SHARES, _Y_SHARES = (0.2, 0.5, 0.8), (0.25, 0.5, 0.75)
 _X_NAMES, _Y_NAMES = ("near P0", "middle", "near R0"), ("low y", "mid y", "high y")
 _WIDTH_SHARE = 0.1
 _MOST_SLOPE = 0.012
-_SIGMA_PX = 0.02
+SIGMA_PX = 0.02
+"""Standard deviation of a node of a rest map, LCD px."""
 _LEAST_NODES = 64
 _LEFT_OUT = 1e-3
 """Share of the variance, of depth and place alike, that the modes left out may have together."""
@@ -167,7 +168,7 @@ def depth_error(fitted: Fit, grid: NodeGrid, reading: RestReading | None = None)
             pad = Mirror((Dent(Shape.GAUSSIAN, float(x_mm), float(y_mm), depth_mm, sigma_mm),))
             seen = optics.trace(pixel[..., 0], pixel[..., 1], Dented(optics.rest, pad))
             flags = np.where(known & np.isfinite(seen.q[..., 0]), 0, int(Flag.NO_RAY)).astype(np.uint16)
-            warp = Warp(seen.q, np.full(seen.q.shape, _SIGMA_PX), flags, 0)
+            warp = Warp(seen.q, np.full(seen.q.shape, SIGMA_PX), flags, 0)
             names.append(f"{x_name}, {y_name}")
             presses.append(KnownPress(names[-1], warp, depth_mm, depth_mm))
     data = _Peaks(Presses.of(chosen, presses), np.ones(3 * len(presses))).prepared(rig)

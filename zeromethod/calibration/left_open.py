@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from zeromethod.arrays import Float
-from zeromethod.calibration.depth_modes import DepthError
+from zeromethod.calibration.depth_modes import SIGMA_PX, DepthError
 from zeromethod.calibration.fitting import jacobian
 from zeromethod.calibration.measurements import RestPositions, off_seams, well_inside
 from zeromethod.calibration.parameters import Priors
@@ -23,8 +23,6 @@ from zeromethod.rig.geometry import GeometrySpec
 from zeromethod.rig.model import Rig
 from zeromethod.warp.rest import Rest
 
-_SIGMA_PX = 0.02
-"""Standard deviation of a node of a rest map, LCD px, as in `zeromethod.calibration.depth_modes`."""
 _NODES = 400
 """Nodes that are looked at, about: more would count as independent that share a window."""
 _STEP = 0.05
@@ -47,13 +45,13 @@ class LeftOpen:
         kept = kept[:: max(1, len(kept) // _NODES)]
         self._nodes = kept[well_inside(rig, pixel[kept]) & off_seams(rig, pixel[kept])]
         q = rest.q.reshape(-1, 2)[self._nodes]
-        self._data = RestPositions(pixel[self._nodes], q, np.full_like(q, _SIGMA_PX)).prepared(rig)
+        self._data = RestPositions(pixel[self._nodes], q, np.full_like(q, SIGMA_PX)).prepared(rig)
 
     @cached_property
     def _shifts(self) -> Float:
         """(2 nodes, parameters) by which a prior sigma of each moves the rest, LCD px."""
         none = np.zeros(len(self._priors.names))
-        return np.nan_to_num(jacobian(self._priors, none, self._data) * _SIGMA_PX)
+        return np.nan_to_num(jacobian(self._priors, none, self._data) * SIGMA_PX)
 
     @cached_property
     def _gram(self) -> tuple[Float, Float]:
@@ -103,9 +101,9 @@ class LeftOpen:
         slides = [k for k, name in enumerate(names) if name in _SLIDES]
         open2 = np.zeros(len(names))
         for k in range(len(names)):
-            terms, wide = [*slides, k], np.append(seen / size[slides], most[k]) / _SIGMA_PX
+            terms, wide = [*slides, k], np.append(seen / size[slides], most[k]) / SIGMA_PX
             covariance = np.linalg.inv(np.eye(len(terms)) + gram[np.ix_(terms, terms)] * np.outer(wide, wide))
-            mean = covariance @ (pulls[terms] * wide) / _SIGMA_PX
+            mean = covariance @ (pulls[terms] * wide) / SIGMA_PX
             open2[k] = most[k] ** 2 * min(1.0, mean[-1] ** 2 + covariance[-1, -1])
         unit = self._unit
         left = DepthError(unit.names, unit.x_mm, unit.y_mm, unit.sensitivity, np.diag(open2), unit.place)

@@ -12,7 +12,7 @@ from typing import Any, cast
 from zeromethod.cli.output import TerminalPrompts
 from zeromethod.cli.page_options import opened_page
 from zeromethod.commissioning.setting_up import Sight
-from zeromethod.devices.contract import RAISED
+from zeromethod.devices.contract import RAISED, said_by
 from zeromethod.devices.opening import Devices
 from zeromethod.devices.protocols import Camera
 from zeromethod.operating.controls import Controls
@@ -43,7 +43,7 @@ def guide_page(
         try:
             yield feed
         except RAISED as error:
-            feed.set(state="failed", reason=" ".join(str(error).split()), fresh=False)
+            feed.set(state="failed", reason=said_by(error), fresh=False)
             raise
         finally:
             time.sleep(LAST_LOOK_S)

@@ -121,7 +121,7 @@ class TimedPatterns:
         for _ in range(TIMEOUTS_TO_FAIL):
             poll()
             try:
-                frame = taken(self._devices.camera, self._timeout_s)
+                frame = taken(self._devices.camera.read, self._timeout_s)
             except CameraTimeout:
                 continue
             if wrong := wrong_image(frame.image, *self._image) or wrong_numbers(frame):

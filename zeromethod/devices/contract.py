@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from zeromethod.clock import Clock
-from zeromethod.devices.protocols import Camera, Frame
+from zeromethod.devices.protocols import Frame
 
 RAISED = (Exception, SystemExit)
 """What a driver's mistake may raise: its `sys.exit` must not end the run without a word."""
@@ -29,9 +29,9 @@ def said_by(error: BaseException) -> str:
         return ""
 
 
-def taken(camera: Camera, timeout_s: float) -> Frame:
-    """Next frame of a camera, as `own` has it. Raises what its `read` raises, TypeError for no frame."""
-    return own(camera.read(timeout_s), camera.read)
+def taken(read: Callable[[float], object], timeout_s: float) -> Frame:
+    """Next frame that a `read` gives, as `own` has it. Raises what that raises, TypeError for no frame."""
+    return own(read(timeout_s), read)
 
 
 def own(frame: object, given_by: Callable[..., object]) -> Frame:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from zeromethod.clock import Clock
 from zeromethod.devices.contract import said_by, taken
-from zeromethod.devices.protocols import Camera, CameraLost, CameraTimeout, DisplayLost, Frame
+from zeromethod.devices.protocols import Camera, CameraLost, CameraTimeout, DisplayLost, Frame, gives_buffers
 from zeromethod.loop.events import Event
 from zeromethod.loop.reopening import Reopener
 from zeromethod.loop.state import Outcome
@@ -65,11 +65,12 @@ class Capture:
         self._meanwhile = meanwhile
 
         def answer(timeout_s: float) -> Future[Frame]:
-            return completed(lambda: taken(camera, timeout_s))
+            return completed(lambda: taken(camera.read, timeout_s))
 
         self._worker: Worker[float, Future[Frame]] = Worker("capture", lambda: nullcontext(answer))
         self._asked = False
 
+    @gives_buffers
     def read(self, timeout_s: float) -> Frame:
         """Newest frame; raises what the camera raises, or CameraTimeout when it does not answer in time.
 
@@ -127,18 +128,13 @@ class FrameSource:
         if self._lost is not None:
             return self._reopen(self._lost)
         try:
-            frame = self._read()
+            frame = taken(self._camera.read, self._timeout_s)
         except CameraTimeout:
             return self._timed_out()
         except CameraLost as error:
             return self._gone(f"the camera is lost: {error}", Event.CAMERA_LOST)
         self._timeouts = 0
         return frame
-
-    def _read(self) -> Frame:
-        if isinstance(self._camera, Capture):
-            return self._camera.read(self._timeout_s)
-        return taken(self._camera, self._timeout_s)
 
     def close(self) -> None:
         """End reading and reopening; the camera stays open."""

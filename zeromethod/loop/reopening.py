@@ -8,7 +8,7 @@ from collections.abc import Callable
 from concurrent.futures import Future, wait
 
 from zeromethod.clock import Clock
-from zeromethod.devices.contract import RAISED
+from zeromethod.devices.contract import RAISED, said_by
 from zeromethod.devices.protocols import Camera, CameraLost, CameraTimeout
 from zeromethod.errors import InputError
 from zeromethod.worker import call_within, completed, in_thread
@@ -93,7 +93,7 @@ class Reopener:
         try:
             camera = opening.result()
         except FAILURES as error:
-            self.failure = " ".join(str(error).split())
+            self.failure = said_by(error)
             return None
         self._gone_ns, self._attempts = None, 0
         self._opened_ns.append(self._clock.now_ns())

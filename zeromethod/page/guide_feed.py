@@ -86,6 +86,6 @@ class WatchedCamera:
     @gives_buffers
     def read(self, timeout_s: float) -> Frame:
         """As the camera's."""
-        frame = taken(self._camera, timeout_s)
+        frame = taken(self._camera.read, timeout_s)
         self._feed.picture(frame)
         return frame

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from zeromethod.arrays import Float, Ints, Mask
-from zeromethod.bench_motion.watch import FRAMES, LEAST_LCD_PX
+from zeromethod.bench_motion.watch import FRAMES, LEAST_LCD_PX, SIGMAS
 from zeromethod.optics import Optics
 from zeromethod.optics.saw_rays import seams
 
@@ -24,8 +24,6 @@ _DEGREE = 3
 may bend as much."""
 _LEAST_ROWS = 0.3
 """Share of the rows that must be read on both sides: what presses on a seam is rarely as long as the view."""
-_SIGMAS = 5.0
-"""Standard deviations from which on a step is seen, as in `zeromethod.bench_motion.watch`."""
 _BESIDE = 0.3
 """Shift of another tooth, over the largest, from which it is not one tooth alone."""
 
@@ -105,7 +103,7 @@ class SeamSteps:
     def words(self) -> str:
         """Which tooth is not as the rig file says, and by how much; "" where none is seen to be."""
         steps, variance = self._found()
-        seen = (np.abs(steps) > LEAST_LCD_PX) & (steps**2 > _SIGMAS**2 * variance)
+        seen = (np.abs(steps) > LEAST_LCD_PX) & (steps**2 > SIGMAS**2 * variance)
         if not seen.any():
             return ""
         away = np.concatenate([np.zeros((1, 2)), np.cumsum(np.where(seen, steps, 0.0), axis=0)])
