@@ -1,20 +1,26 @@
-"""Whether anchors and peaks are as good as they say: thousands of dents of many families, without pictures.
+"""Whether the constant of depth is as good as it says: thousands of dents of many families, without pictures.
 
-Exact warps of dents traced through the simulated optics, with a frame's noise as the residual has it (and as
-nodes share it), are read by the same reader as in a run; what the loop adds is left to `benchmarks.honesty`
-and `benchmarks.peaks`. "known" families are presses as `benchmarks.honesty` and
-`benchmarks.peaks` make them, the "other" ones are others: some of them follow no law of the far field.
+Slopes fix depth but for a constant times a known field (`SurfaceReader.scale`). Exact warps of dents traced
+through the simulated optics, with a frame's noise as the residual has it (and as nodes share it), are read by
+the same reader as in a run; what the loop adds is left to `benchmarks.honesty` and `benchmarks.peaks`.
 
-z: error over stated sigma, of the peak at its own place, and of the anchor: of the constant (times `scale`)
-that the whole depth is off by, its noise of a frame included.
+Seven families are what rubber makes: loads on a half-space, or on the rig's prism held at its faces
+(`benchmarks.loads`). They are read by a rig file that states the body, and by one that does not; then on a
+bonded layer that is 3 mm thinner or thicker than the 30 +- 3 mm of the rig file. The last group are dents by
+formula, of which many are those of no load on a half-space, read as the packaged rig reads them.
+
+z: error of the constant over its stated sigma, a frame's noise included.
 """
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import cached_property
-from math import exp, log
+from dataclasses import asdict, dataclass, replace
+from functools import cache, cached_property
+from math import exp, inf, log, sqrt
+from pathlib import Path
+from typing import Any
 
 import click
 import numpy as np
@@ -33,17 +39,19 @@ from benchmarks.dents import (
     straight,
 )
 from benchmarks.hand_presses import MOST_SLOPE
-from benchmarks.honesty import by_place_mm
+from benchmarks.loads import HELD, Load, Pressed, held_prism, rough
 from benchmarks.peaks import LEVER_MM, RING_CURVATURE, middle_of_the_view
-from benchmarks.report import Figure, Report, benchmark, start
-from benchmarks.rigs import coarser
-from benchmarks.salt import generator, salt_option
+from benchmarks.report import Figure, Report, benchmark, figure, start
+from benchmarks.rigs import changed, coarser
+from benchmarks.salt import generator, held_out, salt_option
+from benchmarks.totals import SIGMAS, estimate, rate, rms
 from zeromethod.arrays import Float
 from zeromethod.cli.numbers import Whole
+from zeromethod.errors import InputError
 from zeromethod.optics import Dented, DepthField, Optics
 from zeromethod.rig.load import load_rig
-from zeromethod.rig.model import Rig
-from zeromethod.surface import Surface, SurfaceReader, peak
+from zeromethod.rig.model import Rig, Rubber
+from zeromethod.surface import Surface, SurfaceReader
 from zeromethod.view.progress import progress
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.jacobian import jacobian
@@ -54,27 +62,76 @@ from zeromethod.warp.warp import Warp
 RESIDUAL_SIGMA_PX = 0.013
 """Noise of one frame's residual, camera px (2 grey levels in 8 bits)."""
 
-DENTS, QUICK = 100, 10
+DENTS, QUICK = 100, 8
 """Of each family."""
 
 SEED = 2
 """0 and 1 are those that the laws of the far field were fitted to."""
 
 DEEPEST_MM, MOST_OF_FOLD = 0.3, 0.4
-FAR_SIGMAS = 3.0
-Z_RMS, MOST_FAR = (0.8, 1.25), 0.015
+LAYER_MM, LAYER_SIGMA_MM = 30.0, 3.0
+MARGIN_MM = 20.0
+"""How far outside the view loads lie, at most."""
+FAMILY_RMS = 1.2
+"""Most of the rms error of another version, in any family."""
+
+Place = Callable[[np.random.Generator, Float, Float], Float]
+"""Draws (x, y), mm, by the least and the largest of the view."""
+
+
+def inside(draw: np.random.Generator, low: Float, high: Float) -> Float:
+    """In the view, but for its border."""
+    return np.asarray(low + draw.uniform(0.15, 0.85, 2) * (high - low))
+
+
+def anywhere(draw: np.random.Generator, low: Float, high: Float) -> Float:
+    """In the view and somewhat beyond."""
+    return np.asarray(low + draw.uniform(-0.15, 1.15, 2) * (high - low))
+
+
+def by_the_border(draw: np.random.Generator, low: Float, high: Float) -> Float:
+    """Beside one of the view's sides, 10 mm inside to `MARGIN_MM` outside."""
+    at = low + draw.uniform(0.0, 1.0, 2) * (high - low)
+    axis, away = draw.integers(2), draw.uniform(-10.0, MARGIN_MM)
+    at[axis] = low[axis] - away if draw.uniform() < 0.5 else high[axis] + away
+    return np.asarray(at)
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """What rubber makes: loads of these kinds and widths (that of a Gaussian as broad, mm), fewest to most.
+
+    narrow: whether the narrowest are for the middle of the view at full size.
+    """
+
+    name: str
+    place: Place
+    kinds: tuple[str, ...]
+    widths_mm: tuple[float, float]
+    counts: tuple[int, int] = (1, 1)
+    narrow: bool = False
+
+
+SOFT = ("gaussian", "rough", "parabola", "ball")
+LOADED = (
+    Loaded("one load", inside, SOFT, (1.0, 12.0), narrow=True),
+    Loaded("several loads", anywhere, SOFT, (2.8, 10.0), (2, 5)),
+    Loaded("load near the border", by_the_border, SOFT, (2.8, 12.0)),
+    Loaded("ball", anywhere, ("ball",), (1.8, 7.0)),
+    Loaded("cone", anywhere, ("cone",), (1.8, 7.0)),
+    Loaded("flat punch or ring", anywhere, ("punch", "ring"), (2.8, 8.0)),
+    Loaded("prism", inside, SOFT, (2.8, 10.0), (1, 2)),
+)
 
 
 @dataclass(frozen=True)
 class Family:
-    """Dents of one kind. wide: 4 to 40 mm all over the view and beyond, else 1.5 to `largest` in the middle.
+    """Dents of one formula: 4 to 40 mm all over the view and beyond, else 1.5 to `largest` in the middle.
 
-    longest: ratio of its axes, at most. known: whether other benchmarks press so. beyond: how far out of view
-    its centre may lie, over the view.
+    longest: ratio of its axes, at most. beyond: how far out of view its centre may lie, over the view.
     """
 
     name: str
-    known: bool
     profile: Callable[[np.random.Generator], Profile]
     smallest_mm: float
     largest_mm: float
@@ -83,30 +140,30 @@ class Family:
     beyond: float = 0.15
 
     @property
-    def wide(self) -> bool:
-        """Whether its dents lie all over the view, and beyond."""
-        return self.largest_mm > 15.0
+    def narrow(self) -> bool:
+        """Whether its dents lie in the middle, the narrowest at full size."""
+        return self.largest_mm <= 15.0
 
 
 FAMILIES = (
-    Family("Gaussian in the middle", True, lambda _: gauss, 1.5, 15.0),
-    Family("long Gaussian in the middle", True, lambda _: gauss, 3.0, 10.0, 2.5),
-    Family("1/r in the middle", True, lambda _: power(1.0), 1.5, 5.0),
-    Family("edge in the middle", True, lambda _: straight, 1.5, 5.0),
-    Family("Gaussian anywhere", True, lambda _: gauss, 4.0, 40.0),
-    Family("long Gaussian anywhere", True, lambda _: gauss, 4.0, 40.0, 2.5),
-    Family("1/r anywhere", True, lambda _: power(1.0), 3.0, 16.0),
-    Family("ball anywhere", True, lambda _: dry_ball, 4.0, 16.0),
-    Family("layer anywhere", False, lambda _: layer, 3.0, 16.0),
-    Family("power of r anywhere", False, lambda draw: power(draw.uniform(1.5, 4.0)), 4.0, 20.0),
-    Family("flat pad anywhere", False, lambda draw: pad(draw.uniform(2.5, 4.0)), 4.0, 25.0),
-    Family("long 1/r anywhere", False, lambda _: power(1.0), 3.0, 16.0, 2.0),
-    Family("cone anywhere", False, lambda _: sharp, 4.0, 16.0),
-    Family("two Gaussians", False, lambda _: gauss, 4.0, 20.0, 1.0, 2),
-    Family("two 1/r", False, lambda _: power(1.0), 3.0, 16.0, 1.0, 2),
-    Family("wide Gaussian far out of view", False, lambda _: gauss, 8.0, 60.0, 1.0, 1, 0.6),
-    Family("wide 1/r far out of view", False, lambda _: power(1.0), 8.0, 60.0, 1.0, 1, 0.6),
-    Family("bulge around a dent", False, lambda _: bulged, 3.0, 16.0),
+    Family("Gaussian in the middle", lambda _: gauss, 1.5, 15.0),
+    Family("long Gaussian in the middle", lambda _: gauss, 3.0, 10.0, 2.5),
+    Family("1/r in the middle", lambda _: power(1.0), 1.5, 5.0),
+    Family("edge in the middle", lambda _: straight, 1.5, 5.0),
+    Family("Gaussian anywhere", lambda _: gauss, 4.0, 40.0),
+    Family("long Gaussian anywhere", lambda _: gauss, 4.0, 40.0, 2.5),
+    Family("1/r anywhere", lambda _: power(1.0), 3.0, 16.0),
+    Family("ball anywhere", lambda _: dry_ball, 4.0, 16.0),
+    Family("layer anywhere", lambda _: layer, 3.0, 16.0),
+    Family("power of r anywhere", lambda draw: power(draw.uniform(1.5, 4.0)), 4.0, 20.0),
+    Family("flat pad anywhere", lambda draw: pad(draw.uniform(2.5, 4.0)), 4.0, 25.0),
+    Family("long 1/r anywhere", lambda _: power(1.0), 3.0, 16.0, 2.0),
+    Family("cone anywhere", lambda _: sharp, 4.0, 16.0),
+    Family("two Gaussians", lambda _: gauss, 4.0, 20.0, 1.0, 2),
+    Family("two 1/r", lambda _: power(1.0), 3.0, 16.0, 1.0, 2),
+    Family("wide Gaussian far out of view", lambda _: gauss, 8.0, 60.0, 1.0, 1, 0.6),
+    Family("wide 1/r far out of view", lambda _: power(1.0), 8.0, 60.0, 1.0, 1, 0.6),
+    Family("bulge around a dent", lambda _: bulged, 3.0, 16.0),
 )
 
 
@@ -130,6 +187,10 @@ class View:
     def reader(self) -> SurfaceReader:
         """Of its warps."""
         return SurfaceReader(self.rig, self.optics, self.grid)
+
+    def reader_by(self, rubber: Rubber) -> SurfaceReader:
+        """The reader of a rig file that says this of the rubber."""
+        return SurfaceReader(self.rig.model_copy(update={"rubber": rubber}), self.optics, self.grid)
 
     @cached_property
     def seen(self) -> Float:
@@ -182,11 +243,11 @@ def drawn(family: Family, view: View, draw: np.random.Generator, smallest_mm: fl
     parts = []
     for _ in range(family.count):
         share = (
-            draw.uniform(-family.beyond, 1.0 + family.beyond, 2)
-            if family.wide
-            else draw.uniform(0.42, 0.58, 2)
+            draw.uniform(0.42, 0.58, 2)
+            if family.narrow
+            else draw.uniform(-family.beyond, 1.0 + family.beyond, 2)
         )
-        size_mm = exp(draw.uniform(log(max(family.smallest_mm, smallest_mm)), log(family.largest_mm)))
+        size_mm = _between(draw, max(family.smallest_mm, smallest_mm), family.largest_mm)
         stretch, angle = np.sqrt(draw.uniform(1.0, family.longest)), draw.uniform(0.0, np.pi)
         short_mm = size_mm / stretch
         steepest = MOST_SLOPE * short_mm * exp(0.5)
@@ -197,109 +258,251 @@ def drawn(family: Family, view: View, draw: np.random.Generator, smallest_mm: fl
     return parts[0] if family.count == 1 else Sum(tuple(parts))
 
 
+def _between(draw: np.random.Generator, low: float, high: float) -> float:
+    """Evenly in its logarithm."""
+    return exp(draw.uniform(log(low), log(high)))
+
+
+def pressed(
+    family: Loaded, view: View, draw: np.random.Generator, turn: int, smallest_mm: float, thickness_mm: float
+) -> Pressed:
+    """Loads of the family, held to the same limits; kinds take turns. thickness_mm: of a bonded layer."""
+    low, high = view.seen.min(axis=0), view.seen.max(axis=0)
+    narrowest, widest = family.widths_mm
+    loads: list[Load] = []
+    for number in range(draw.integers(family.counts[0], family.counts[1] + 1)):
+        # the middle of a load's dent is that of a Gaussian of sqrt(2) times its width
+        width_mm = _between(
+            draw, max(narrowest, smallest_mm / sqrt(2)) if family.narrow else narrowest, widest
+        )
+        x, y = (float(at) for at in family.place(draw, low, high))
+        kind, q = family.kinds[(turn // 2 + number) % len(family.kinds)], width_mm * draw.uniform(0.2, 1.0)
+        loads += rough(draw, q, x, y, width_mm) if kind == "rough" else [Load(kind, q, x, y, width_mm)]
+    prism = held_prism(view.rig) if family.name == "prism" else None
+    dent = Pressed(tuple(loads), thickness_mm, prism)
+    most = _most(dent, low - MARGIN_MM, high + MARGIN_MM)
+    return replace(dent, scale=draw.uniform(0.1, 1.0) / most)
+
+
+def _most(dent: Pressed, low: Float, high: Float) -> float:
+    """The largest of depth, slope and fold over its limit, within a box."""
+    pitch = 0.25 * min(load.width_mm for load in dent.loads)
+    x, y = np.meshgrid(*(np.arange(*ends, pitch) for ends in zip(low, high, strict=True)))
+    by_x, by_y = dent.slope(x, y)
+    (xy, xx), yy = np.gradient(by_x, pitch), np.gradient(by_y, pitch, axis=0)
+    # the larger of both principal curvatures: only a hollow's rim folds
+    curvature = 0.5 * (xx + yy) + np.hypot(0.5 * (xx - yy), xy)
+    return max(
+        float(np.hypot(by_x, by_y).max()) / MOST_SLOPE,
+        float(curvature.max()) * LEVER_MM / MOST_OF_FOLD,
+        float(np.abs(dent.depth(x, y)).max()) / DEEPEST_MM,
+    )
+
+
+STATED, SILENT, OFF, FORMULA = "body stated", "body not stated", "layer 10 % off", "by formula"
+BODIES: dict[str, dict[str, Any]] = {
+    "not stated": {},
+    "half-space": {"support": "free"},
+    "layer": {"support": "bonded", "thickness_mm": LAYER_MM, "thickness_sigma_mm": LAYER_SIGMA_MM},
+    "prism": {"support": HELD.model_dump()},
+}
+"""What a rig file says of its rubber."""
+
+
 @dataclass(frozen=True)
-class Read:
-    """Errors and stated sigmas, mm: of a peak and of its anchor."""
+class Case:
+    """Dents of a family, on a bonded layer or not, and the group of each of `BODIES` they are read with."""
 
-    peak_mm: float
-    peak_sigma_mm: float
-    anchor_mm: float
-    anchor_sigma_mm: float
+    family: Loaded | Family
+    groups: dict[str, str]
+    layer: bool = False
+
+    @property
+    def name(self) -> str:
+        """Of its rows."""
+        return f"{self.family.name}, layer" if self.layer else self.family.name
+
+    def dent(self, view: View, draw: np.random.Generator, turn: int, smallest_mm: float) -> DepthField:
+        """One of them."""
+        if isinstance(self.family, Family):
+            return drawn(self.family, view, draw, smallest_mm)
+        off_mm = LAYER_SIGMA_MM if turn // 2 % 2 else -LAYER_SIGMA_MM
+        return pressed(self.family, view, draw, turn, smallest_mm, LAYER_MM + off_mm if self.layer else inf)
 
 
-def read(view: View, dent: DepthField, draw: np.random.Generator) -> Read:
-    """One dent in one frame."""
-    surface = view.reader.read(view.warp(dent, draw))
-    found = peak(surface)
-    at = np.array(found.x_mm), np.array(found.y_mm)
-    by_place = by_place_mm(surface, found, dent)
-    sigma_mm = float(np.hypot(found.sigma_mm, by_place))
-    return Read(found.depth_mm - float(dent.depth(*at)), sigma_mm, *anchored(view, surface, dent))
+CASES = (
+    *(
+        Case(one, {"prism" if one.name == "prism" else "half-space": STATED, "not stated": SILENT})
+        for one in LOADED
+    ),
+    *(Case(one, {"layer": OFF, "not stated": SILENT}, layer=True) for one in LOADED if one.name != "prism"),
+    *(Case(one, {"half-space": FORMULA}) for one in FAMILIES),
+)
+
+Read = tuple[float, float]
+"""Error of the constant and its stated sigma, mm."""
 
 
-def anchored(view: View, surface: Surface, dent: DepthField) -> tuple[float, float]:
+def anchored(view: View, reader: SurfaceReader, surface: Surface, dent: DepthField) -> Read:
     """Multiple of the scale in the error of depth, mm, and its stated sigma with a frame's noise."""
-    h = view.reader.scale[surface.valid[view.grid.inner]]
+    h = reader.scale[surface.valid[view.grid.inner]]
     x, y = surface.x_mm[surface.valid], surface.y_mm[surface.valid]
     off = float((h * (surface.depth_mm[surface.valid] - dent.depth(x, y))).sum() / (h * h).sum())
     inner = surface.valid[view.grid.inner]
     weights = np.zeros(view.grid.shape)
-    weights[view.grid.inner] = np.where(inner, view.reader.scale, 0.0) / (h * h).sum()
-    return off, view.reader.covariance(surface).variance_of(weights).sigma
+    weights[view.grid.inner] = np.where(inner, reader.scale, 0.0) / (h * h).sum()
+    return off, reader.covariance(surface).variance_of(weights).sigma
 
 
-def report(count: int) -> Report:
-    """`count` dents of every family."""
+def constants(count: int, constant: str | None) -> dict[str, dict[str, list[Read]]]:
+    """By group and row: those of `count` dents of every case. constant: key of the rig's [surface]."""
     rig = load_rig("simulated")
-    coarse, half, middle = (View(one) for one in (coarser(rig, 4), coarser(rig, 2), middle_of_the_view(rig)))
-    found: dict[str, list[Read]] = {}
-    with progress(len(FAMILIES), "families") as advance:
-        for number, family in enumerate(FAMILIES):
+    if constant is not None:
+        rig = changed(rig, surface={"constant": constant})
+    coarse, half, middle = views = [
+        View(one) for one in (coarser(rig, 4), coarser(rig, 2), middle_of_the_view(rig))
+    ]
+    kept = {
+        key: value
+        for key, value in rig.rubber.model_dump(exclude_unset=True).items()
+        if key not in ("support", "thickness_mm", "thickness_sigma_mm")
+    }
+
+    @cache
+    def reader(view: int, body: str) -> SurfaceReader:
+        return views[view].reader_by(Rubber.model_validate({**kept, **BODIES[body]}))
+
+    found: dict[str, dict[str, list[Read]]] = {group: {} for group in (STATED, SILENT, OFF, FORMULA)}
+    with progress(len(CASES), "families") as advance:
+        for number, case in enumerate(CASES):
             draw = generator(SEED, number)
-            found[family.name] = []
             for turn in range(count):
-                view = (coarse if turn % 2 else half) if family.wide else (half if turn % 2 else middle)
-                smallest_mm = 0.0 if view is middle else 4.0
-                dent = drawn(family, view, draw, smallest_mm)
-                found[family.name].append(read(view, dent, draw))
-            advance(family.name)
-    return summarise(found)
+                wide = coarse if turn % 2 else half
+                view = (half if turn % 2 else middle) if case.family.narrow else wide
+                dent = case.dent(view, draw, turn, 0.0 if view is middle else 4.0)
+                warp = view.warp(dent, draw)
+                for body, group in case.groups.items():
+                    by = reader(views.index(view), body)
+                    read = anchored(view, by, by.read(warp), dent)
+                    found[group].setdefault(case.name, []).append(read)
+            advance(case.name)
+    return found
 
 
-def _row(name: str, reads: Sequence[Read]) -> list[str]:
-    cells = [name, f"{len(reads)}"]
-    for error, sigma in (
-        ([r.anchor_mm for r in reads], [r.anchor_sigma_mm for r in reads]),
-        ([r.peak_mm for r in reads], [r.peak_sigma_mm for r in reads]),
-    ):
-        off, stated = 1e6 * np.array(error), 1e6 * np.array(sigma)
-        z = off / stated
-        cells += [
-            f"{np.sqrt(np.mean(z**2)):.2f}",
-            f"{np.abs(z).max():.1f}",
-            f"{np.count_nonzero(np.abs(z) > FAR_SIGMAS)}",
-            f"{np.sqrt(np.mean(off**2)):.0f}",
-            f"{np.median(stated):.0f}",
-            f"{np.sqrt(np.mean(stated**2)):.0f}",
-        ]
-    return cells
+@dataclass(frozen=True)
+class Constants:
+    """Of a family or a group: figures, each with its standard error; nm, and shares of 1."""
 
+    count: int
+    rms_nm: tuple[float, float]
+    sigma_nm: tuple[float, float]
+    z: tuple[float, float]
+    beyond: tuple[float, float]
+    share: tuple[float, float]
+    """Of sigma over the rms error."""
 
-def summarise(found: dict[str, list[Read]]) -> Report:
-    """A row for every family, and bars over the known and the other ones."""
-    groups = {
-        "known families": [r for f in FAMILIES if f.known for r in found[f.name]],
-        "other families": [r for f in FAMILIES if not f.known for r in found[f.name]],
-    }
-    figures = []
-    for name, reads in groups.items():
-        z = np.array([r.peak_mm / r.peak_sigma_mm for r in reads])
-        rms, far = float(np.sqrt(np.mean(z**2))), float(np.mean(np.abs(z) > FAR_SIGMAS))
-        met = Z_RMS[0] <= rms <= Z_RMS[1]
-        figures.append(Figure(f"z of peaks, rms, {name}", f"{rms:.2f}", f"{Z_RMS[0]} to {Z_RMS[1]}", met))
-        figures.append(
-            Figure(f"peaks beyond 3 sigma, {name}", f"{far:.1%}", f"<= {MOST_FAR:.1%}", far <= MOST_FAR)
+    @classmethod
+    def of(cls, reads: Sequence[Read]) -> Constants:
+        """Of errors and their sigma."""
+        error, sigma = 1e6 * np.array(reads).T
+        z = error / sigma
+        return cls(
+            len(z),
+            estimate(rms, error),
+            estimate(np.median, sigma),
+            estimate(rms, z),
+            rate(int(np.count_nonzero(np.abs(z) > SIGMAS)), len(z)),
+            estimate(lambda s, e: np.median(s) / rms(e), sigma, error),
         )
-    header = ["family", "dents"]
-    for what in ("anchor", "peak"):
-        header += [f"{what}: z rms", "largest", "> 3", "rms, nm", "median sigma", "rms sigma"]
-    rows = [_row(name, reads) for name, reads in {**found, **groups}.items()]
-    data = {
-        name: [[r.peak_mm, r.peak_sigma_mm, r.anchor_mm, r.anchor_sigma_mm] for r in reads]
-        for name, reads in found.items()
-    }
-    return Report("Anchors and peaks of dents of many families", figures, [header, *rows], data)
+
+    def over(self, other: Constants) -> tuple[float, float]:
+        """Rms error and sigma over those of another version."""
+        return self.rms_nm[0] / other.rms_nm[0], self.sigma_nm[0] / other.sigma_nm[0]
+
+    def cells(self) -> list[str]:
+        """Of a table."""
+        return [
+            f"{self.count}",
+            f"{self.rms_nm[0]:.0f} ± {self.rms_nm[1]:.0f}",
+            f"{self.sigma_nm[0]:.0f} ± {self.sigma_nm[1]:.0f}",
+            f"{self.z[0]:.2f} ± {self.z[1]:.2f}",
+            f"{100 * self.beyond[0]:.1f} ± {100 * self.beyond[1]:.1f}",
+        ]
+
+
+def figures_of(group: str, of: Constants, other: Constants | None) -> list[Figure]:
+    """A group's, with its bars; other: the same group's of another version."""
+    least_z, most_z = {STATED: (0.8, 1.3), FORMULA: (None, 1.5)}.get(group, (0.7, 1.3))
+    most_rms = {STATED: 0.5}.get(group)
+    most_sigma = {STATED: 1.0, SILENT: 2.0, OFF: 2.0}.get(group)
+    figures = [
+        figure("error, rms", *of.rms_nm, unit="nm"),
+        figure("stated sigma, median", *of.sigma_nm, unit="nm"),
+        figure("sigma over rms error", *of.share, most=3.0 if group == FORMULA else None),
+        figure("error over sigma, rms", *of.z, least=least_z, most=most_z),
+        figure("beyond 3 sigma", *of.beyond, unit="%", most={STATED: 0.01, FORMULA: 0.05}.get(group)),
+    ]
+    if other is not None:
+        rms_ratio, sigma_ratio = of.over(other)
+        figures += [
+            figure("error over the other version's", rms_ratio, most=most_rms),
+            figure("sigma over the other version's", sigma_ratio, most=most_sigma),
+        ]
+    return [replace(one, name=f"{group}: {one.name}") for one in figures]
+
+
+def report(count: int, constant: str | None = None, against: Path | None = None) -> Report:
+    """A row for every family and group, and the groups' figures."""
+    scenes = f"{count} of each family, salt {held_out()!r}"
+    others = {} if against is None else _others(against, scenes)
+    rows, data, figures, worst = [], {}, [], []
+    for group, families in constants(count, constant).items():
+        families["all"] = [read for reads in families.values() for read in reads]
+        for name, reads in families.items():
+            row, of = f"{group}: {name}", Constants.of(reads)
+            other = others.get(row)
+            ratios = () if other is None else of.over(other)
+            rows.append([row, *of.cells(), *(f"{one:.2f}" for one in ratios)])
+            data[row] = asdict(of)
+            if name == "all":
+                figures += figures_of(group, of, other)
+            elif other is not None and group == STATED:
+                worst.append(of.over(other)[0])
+    if worst:
+        name = f"{STATED}: error over the other version's, worst family"
+        figures.append(figure(name, max(worst), most=FAMILY_RMS))
+    header = ["family", "dents", "error, rms nm", "sigma, median nm", "z rms", "% > 3 sigma"]
+    header += ["error over other's", "sigma over other's"]
+    title = "The constant of dents of many families"
+    return Report(title, figures, [header, *rows], {"scenes": scenes, "rows": data}, totals=True)
+
+
+def _others(file: Path, scenes: str) -> dict[str, Constants]:
+    """Rows of another version, of the same scenes."""
+    try:
+        data = json.loads(file.read_text())["data"]
+        if data["scenes"] != scenes:
+            raise InputError(f"--against: {file}: of other scenes: {data['scenes']}, not {scenes}")
+        return {name: Constants(**row) for name, row in data["rows"].items()}
+    except (ValueError, KeyError, TypeError):
+        raise InputError(f"--against: {file}: no summary of this benchmark") from None
 
 
 @benchmark(
     "anchors",
     __doc__,
     click.option("--dents", type=Whole(min=2), default=DENTS, show_default=True, help="Of each family."),
+    click.option("--constant", type=click.Choice(("quiet", "loads")), help="Key of the rig's [surface]."),
+    click.option(
+        "--against",
+        type=click.Path(exists=True, dir_okay=False, path_type=Path),
+        help="Another version's --summary, of the same dents.",
+    ),
     salt_option,
 )
-def command(quick: bool, dents: int) -> Report:
+def command(quick: bool, dents: int, constant: str | None, against: Path | None) -> Report:
     """Run everything."""
-    return report(QUICK if quick else dents)
+    return report(QUICK if quick else dents, constant, against)
 
 
 if __name__ == "__main__":

@@ -66,12 +66,16 @@ def figure(
 
 @dataclass(frozen=True)
 class Report:
-    """Figures with bars, a table of details under them (header first), and all numbers for the JSON file."""
+    """Figures with bars, a table of details under them (header first), and all numbers for the JSON file.
+
+    totals: whether these, too, are of many scenes each, and not left out where scenes are held out.
+    """
 
     title: str
     figures: Sequence[Figure]
     details: Sequence[Sequence[str]]
     data: dict[str, Any]
+    totals: bool = False
 
     @property
     def met(self) -> bool:
@@ -112,9 +116,9 @@ def start(command: click.Command) -> None:
 def finish(report: Report, json_file: Path | None = None) -> int:
     """Print the report, write the JSON file if one is asked for; exit code 1 when a bar was missed.
 
-    Of held-out scenes only the figures.
+    Of held-out scenes only totals.
     """
-    if held_out():
+    if held_out() and not report.totals:
         report = replace(report, details=(), data={})
     console = wide_console(250)
     console.print(f"{report.title}\n")
