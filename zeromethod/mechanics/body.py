@@ -82,10 +82,13 @@ class BodyKernel:
         whole = np.einsum("i,iba->ba", by_load, self.of_places)
         return np.asarray(_series(whole[None], self.place_box_mm, *places_mm.T)[1:, 0].T)
 
+    def by_loads(self, loads_mm: Float) -> Float:
+        """(products, m) v_i at loads (2, m)."""
+        return np.asarray(_series(self.of_loads, self.load_box_mm, *loads_mm)[0])
+
     def added(self, places_mm: Float, loads_mm: Float) -> Float:
         """(places, loads) 1/mm that the body adds per q at places (2, n) by loads at (2, m)."""
-        by_load = _series(self.of_loads, self.load_box_mm, *loads_mm)[0]
-        return np.asarray(self.products(*places_mm)[0].T @ by_load)
+        return np.asarray(self.products(*places_mm)[0].T @ self.by_loads(loads_mm))
 
 
 def _series(coefficients: Float, box: Float, x: Float, y: Float) -> Float:

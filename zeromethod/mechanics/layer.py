@@ -54,12 +54,21 @@ def _fields(z: Float, thickness: Float, poisson: float) -> Float:
 
 
 @lru_cache(8)
-def layer_slopes(thickness_mm: float, poisson: float, *, bonded: bool) -> tuple[Float, Float]:
-    """(distance mm, slope outwards 1/mm^2) that the base adds per q; a half-space's dent is q / distance."""
+def reach_and_waves(thickness_mm: float, poisson: float, bonded: bool) -> tuple[Float, Float, Float]:
+    """(distances mm, wave numbers 1/mm, share less 1 times weight of each wave, 1/mm) of a Hankel integral.
+
+    What a layer lacks to a half-space ends at `_WAVES` over its thickness; nothing is left beyond the last distance.
+    """
     at, weight = np.polynomial.legendre.leggauss(_POINTS)
     panel = _WAVES / _PANELS
     waves = (panel * (np.arange(_PANELS)[:, None] + 0.5 * (at + 1))).ravel()
-    lacks = wave_share(waves, poisson, bonded=bonded) - 1
-    lacks *= np.tile(0.5 * panel * weight, _PANELS) * waves
-    reach = np.linspace(0.0, _FAR, _TABLE)
-    return thickness_mm * reach, -(j1(np.outer(reach, waves)) @ lacks) / thickness_mm**2
+    lacks = (wave_share(waves, poisson, bonded=bonded) - 1) * np.tile(0.5 * panel * weight, _PANELS)
+    reach = thickness_mm * np.linspace(0.0, _FAR, _TABLE)
+    return reach, waves / thickness_mm, lacks / thickness_mm
+
+
+@lru_cache(8)
+def layer_slopes(thickness_mm: float, poisson: float, *, bonded: bool) -> tuple[Float, Float]:
+    """(distance mm, slope outwards 1/mm^2) that the base adds per q; a half-space's dent is q / distance."""
+    reach, waves, lacks = reach_and_waves(thickness_mm, poisson, bonded)
+    return reach, -(j1(np.outer(reach, waves)) @ (lacks * waves))

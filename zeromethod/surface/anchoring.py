@@ -58,6 +58,7 @@ class AnchorFinder:
         self._body_of, self._body = body, BodyOnNodes.none()
         self._known_rest, self._correlation = known_rest, correlation
         self.scale, self._gradient = scale, scale_gradient
+        self.loads = None
         self._border: Border | None = None
 
     def nodes(self, read: PassResult, contained_mm: float, most: int = MOST_CHOICES) -> tuple[RestFit, float]:
@@ -103,6 +104,7 @@ class Anchoring:
         several: as of `fit_far_field`.
         """
         self._anchors, self._weights, self._several = anchors, weights, several
+        self.linear = None
         self._fits = 0
         self._chosen: RestFit | None = None
         self.fit: RestFit | None = None
@@ -120,6 +122,15 @@ class Anchoring:
         """Choose the nodes and fit the far field; returns the multiple of h to add to depth, mm."""
         self._fits += 1
         assert self._weights is not None
+        if self._anchors.loads is not None:
+            loads = self._anchors.loads
+            x, y = read.point[..., 0], read.point[..., 1]
+            blocks = loads.blocks(read.slope, read.variance, read.depth, x, y, read.island)
+            c_mm, sigma_mm = loads.find(blocks, read.variance, read.island, self.linear(x, y))
+            weights = np.where(read.island, self._anchors.scale**2, 0.0)
+            self.fit = RestFit("quiet", weights / weights.sum(), sigma_mm, mean(weights / weights.sum(), read.depth / self._anchors.scale) - c_mm)
+            self.fixed = abs(c_mm) < _AGAIN_MM or self._fits == _MOST_FITS
+            return -c_mm
         chosen, at_mm = self._chosen, mean(self._weights, read.depth / self._anchors.scale)
         if chosen is None or self.fit is None or abs(self.fit.far_field_mm) < _FAR_MM:
             self._chosen, at_mm = self._anchors.nodes(read, at_mm)

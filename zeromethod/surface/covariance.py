@@ -29,6 +29,10 @@ from zeromethod.surface.noise import SlopeNoise
 from zeromethod.warp.grid import NodeGrid
 
 
+_ROUNDING = 1e-12
+"""Difference of weights below which they are the same, relative."""
+
+
 @dataclass(frozen=True, slots=True)
 class Variance:
     """Variance of a linear functional of depth, mm^2 (times the weights' unit squared).
@@ -122,7 +126,10 @@ class DepthCovariance:
 
     def _slope_weights(self, inner: Float) -> Float:
         in_units_of_h = inner * self._scale
-        return self._linear.slope_weights(in_units_of_h - in_units_of_h.sum() * self._anchor)
+        left = in_units_of_h - in_units_of_h.sum() * self._anchor
+        # the anchor's own mean is no sum of slopes, and rounding none to solve for
+        left[np.abs(left) < _ROUNDING * np.abs(in_units_of_h).max(initial=0.0)] = 0.0
+        return self._linear.slope_weights(left) if left.any() else np.zeros((*left.shape, 2))
 
     def _checked(self, weights: Float) -> Float:
         weights = np.asarray(weights, dtype=np.float64)

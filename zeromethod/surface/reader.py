@@ -133,6 +133,13 @@ class SurfaceReader:
         anchors = AnchorFinder(
             rig.surface.known_rest, self._scale, self._scale_gradient, correlation, self._body_on(rig, point)
         )
+        import os
+        if os.environ.get("LOADS"):
+            from zeromethod.surface.constant import LoadConstant
+            from zeromethod.mechanics.gaussian_load import HalfSpace
+            from zeromethod.warp.overlap import shared_nodes
+            xy = continued_points(point[..., :2])
+            anchors.loads = LoadConstant([HalfSpace()], xy[..., 0], xy[..., 1], self._scale, self._scale_gradient, correlation)
         self._settling = Settling(self._rays, self._integrator, anchors)
         self._overlap = component_correlation(grid.period_px, grid.spacing_px, rig.target.kind)
         self._noise = DepthNoise(self._integrator)

@@ -73,6 +73,7 @@ class Settling:
         island = integrator.prepare(usable, variance)
         depth, weights = _begin(start, island)
         anchoring = Anchoring(self._anchors, weights, last)
+        anchoring.linear = integrator.linear
         looks, moved_mm, left_mm, curved_mm = 0, np.inf, 0.0, np.inf
         for _ in range(_MOST_PASSES):
             if curved_mm > max(left_mm, _SETTLED_MM):
