@@ -106,6 +106,16 @@ class Rubber(Table):
     thickness_mm: Positive | None = None
     thickness_sigma_mm: NotNegative = 0.0
 
+    @property
+    def not_known(self) -> str:
+        """What to tell people where what holds the rubber is not known, "" where it is."""
+        if self.support is not None or self.body == "none":
+            return ""
+        return (
+            "rubber.support is not given: what holds the rubber is not known, and counts in sigma: give "
+            '"free", "bonded", "sliding" or a table per face ([rubber] in docs/rig-files.md)'
+        )
+
     @model_validator(mode="after")
     def _elastic(self) -> Rubber:
         values = self.model_dump()
