@@ -12,6 +12,7 @@ from commands import assert_refused, typed
 from zeromethod import Optics, load_rig
 from zeromethod.calibration import PARAMETERS, Priors, describe
 from zeromethod.cli.init import init_command
+from zeromethod.rig.tables import FaceSupports, Rubber
 
 
 def init(*arguments: object, answers: str | None = None) -> Result:
@@ -134,6 +135,79 @@ def test_enter_keeps_the_sigmas_and_an_aim_that_fits_the_prism(path):
     assert rig.camera.look_at_mm[0] == pytest.approx(0.545 * mirror_mm, abs=0.05)
 
 
+def test_what_holds_the_rubber_is_not_known_unless_it_is_said(path):
+    assert init(path, "--from", "simulated").exit_code == 0
+    assert load_rig(path).rubber.not_known
+    assert "[rubber]" in path.read_text()
+    assert 'support = "free"' in path.read_text()  # how to say it
+    again = path.with_name("again.toml")
+    assert init(path, "--force", "--support", "sliding", "--thickness", 7).exit_code == 0
+    assert init(again, "--from", path).exit_code == 0
+    assert load_rig(again).rubber == load_rig(path).rubber
+    assert init(again, "--from", path, "--support", "unknown", "--force").exit_code == 0
+    assert load_rig(again).rubber.support is None
+
+
+def test_stiffness_stays_where_only_what_holds_the_rubber_is_said(path):
+    init(path)
+    path.write_text(path.read_text().replace("[rubber]", "[rubber]\nyoungs_modulus_mpa = 0.7"))
+    again = path.with_name("again.toml")
+    assert init(again, "--from", path, "--support", "free").exit_code == 0
+    assert load_rig(again).rubber == Rubber(youngs_modulus_mpa=0.7, support="free")
+
+
+@pytest.mark.parametrize(
+    ("answers", "options", "rubber"),
+    [
+        ("free", ("--support", "free"), {"support": "free"}),
+        (
+            "bonded\n\n7\n0.1",  # Enter is no thickness
+            ("--support", "bonded", "--thickness", 7, "--thickness-sigma", 0.1),
+            {"support": "bonded", "thickness_mm": 7.0, "thickness_sigma_mm": 0.1},
+        ),
+        # of a thickness that no deviation is given with: that of the calipers
+        (
+            "sliding\n7\n",
+            ("--support", "sliding", "--thickness", 7),
+            {"support": "sliding", "thickness_mm": 7.0, "thickness_sigma_mm": 0.05},
+        ),
+        (
+            "faces\n\nsliding\n",
+            ("--support", "faces", "--camera-support", "sliding"),
+            {"support": FaceSupports(pattern="bonded", camera="sliding", ends="free")},
+        ),
+        ("unknown", ("--support", "unknown"), {}),
+        ("glue\n", (), {}),  # is refused at once, and asked for again
+    ],
+)
+def test_what_holds_the_rubber_is_asked_and_can_be_given(path, answers, options, rubber):
+    asked = init(path, "--ask", answers=9 * "\n" + answers + 30 * "\n")
+    assert asked.exit_code == 0, asked.output
+    assert ("thickness of the layer" in asked.output) == ("thickness_mm" in rubber)
+    assert ("the camera face is held" in asked.output) == isinstance(rubber.get("support"), FaceSupports)
+    assert load_rig(path).rubber == Rubber(**rubber)
+    assert init(path, "--force", *options).exit_code == 0
+    assert load_rig(path).rubber == Rubber(**rubber)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--thickness", 7), "--thickness: 7.0: only with --support bonded or sliding"),
+        (("--support", "free", "--thickness", 7), "--thickness: 7.0: only with --support bonded or sliding"),
+        (("--support", "bonded"), "--thickness: missing: a number above 0 with --support bonded"),
+        (("--ends-support", "free"), "--ends-support: free: only with --support faces"),
+        (
+            ("--support", "faces", "--pattern-support", "free", "--camera-support", "free"),
+            "one face 'bonded', or pattern and camera 'sliding': else nothing holds the prism",
+        ),
+    ],
+)
+def test_what_cannot_hold_rubber_is_refused(path, options, said):
+    assert_refused(init(path, *options), said)
+    assert not path.exists()
+
+
 def test_nothing_is_overwritten_unless_forced(path):
     path.write_text("mine")
     result = init(path)
@@ -151,7 +225,7 @@ def test_input_that_ends_early_writes_nothing_and_says_so(path):
 
 def test_answers_out_of_range_or_that_make_no_bench_are_asked_for_again(path):
     # the last answer of the first round is an exposure longer than a frame
-    result = init(path, "--ask", answers="-5\n51.5\n" + "\n" * 27 + "1\n" + "\n" * 28 + "0.01\n")
+    result = init(path, "--ask", answers="-5\n51.5\n" + "\n" * 28 + "1\n" + "\n" * 29 + "0.01\n")
     assert result.exit_code == 0, result.output
     assert "camera.exposure_s: 1.0: at most the frame time" in result.output
     rig = load_rig(path)

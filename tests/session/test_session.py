@@ -58,6 +58,19 @@ def test_the_delay_is_noted_once_and_only_when_its_scatter_is_known(session, sca
     assert (session.result.margin is None) == (scatter_ms > 10)
 
 
+@pytest.mark.parametrize(
+    ("rubber", "said"), [({}, True), ({"support": "free"}, False), ({"body": "none"}, False)]
+)
+def test_a_run_says_once_at_its_start_that_what_holds_the_rubber_is_not_known(rubber, said):
+    rig = simulated_rig("none").replace({"rubber": rubber})
+    with zm.Session(rig) as session:
+        first, *later = [*session.run(frames=1), *session.run(frames=1)]
+        assert any("rubber.support is not given" in note for note in first.notes) == said
+        assert not any("rubber" in note for step in later for note in step.notes)
+        assert session.figures["notes"] == list(first.notes)
+    assert all("\n" not in note for note in first.notes)
+
+
 def test_a_second_run_locks_at_once_and_steps_and_time_go_on():
     with zm.Session(recorded_run.small_rig("hold")) as session:
         first = list(session.run(seconds=0.6))

@@ -153,6 +153,13 @@ def test_bad_objects_are_refused_in_one_line(tmp_path, text, message):
     assert "\n" not in str(caught.value)
 
 
+def test_hard_objects_press_no_body_that_is_not_elastic():
+    with pytest.raises(InputError) as caught:
+        load_scenario("hertz", Rubber(body="none"))
+    assert str(caught.value) == 'scenario: "hertz": one without hard objects, as rubber.body is "none"'
+    assert load_scenario("none", Rubber(body="none")).objects == ()
+
+
 @pytest.mark.parametrize(
     ("values", "message"),
     [

@@ -12,11 +12,14 @@ import click
 
 from zeromethod.atomic_write import atomic_write
 from zeromethod.cli.device_options import given_rig
+from zeromethod.cli.held_rubber import QUESTIONS as OF_RUBBER
+from zeromethod.cli.held_rubber import UNKNOWN, answers_of, applies, check_given, rubber_of
 from zeromethod.cli.numbers import Real, Whole
 from zeromethod.cli.output import check_file, several, writing
 from zeromethod.commissioning.calibration.new_rig import Calipers, rig_text
 from zeromethod.errors import InputError
-from zeromethod.rig.model import PriorSpec
+from zeromethod.rig.load import packaged_rigs
+from zeromethod.rig.model import PriorSpec, Rubber
 
 _ABOVE_ZERO = Real(min=0, min_open=True)
 _ANGLE = Real(5, 85, min_open=True, max_open=True)
@@ -45,6 +48,7 @@ _QUESTIONS = (
     ("width_mm", "--width", _LENGTH, "width of the prism, mm"),
     ("index", "--index", _INDEX, "refractive index of the rubber"),
     ("priors.index", "--index-sigma", _SIGMA, "the index: standard deviation"),
+    *OF_RUBBER,
     ("gap_mm", "--gap", _GAP, "gap between prism and LCD, its glass counted in, mm"),
     ("priors.gap_mm", "--gap-sigma", _SIGMA, "the gap: standard deviation, mm"),
     ("lcd_columns", "--lcd-columns", _COUNT, "columns of the LCD"),
@@ -99,17 +103,18 @@ _measures = several(
 def init_command(path: Path, rig_name: str, ask: bool | None, force: bool, **given: Any) -> None:
     """Write a commented rig file for a bench of one's own.
 
-    Asks for what calipers, a protractor and data sheets give; Enter keeps the value shown.
+    Asks for what calipers, a protractor and data sheets give; Enter keeps the value shown. What holds the
+    rubber is not taken from a packaged rig, whose bench is simulated.
     """
     check_file("FILE", path, ".toml")
     if path.exists() and not force:
         raise InputError(f"FILE: {path}: exists already: --force overwrites it")
     known = {name.replace("__", "."): value for name, value in given.items() if value is not None}
-    answers = _flat(Calipers.of(given_rig(rig_name, "--from"))) | known
-    if (sys.stdin.isatty() if ask is None else ask) and len(known) < len(_QUESTIONS):
-        text = _asked(answers, set(known), path)
-    else:
-        text = rig_text(_calipers(answers), path.stem, path)
+    before = Calipers.of(given_rig(rig_name, "--from"))
+    if rig_name in packaged_rigs():
+        before = replace(before, rubber=Rubber())
+    asking = sys.stdin.isatty() if ask is None else ask
+    text = _text(_flat(before) | known, set(known), before.rubber, path, asking=asking)
     with writing("FILE", path), atomic_write(path) as part:
         part.write_text(text, encoding="utf-8")
     name = shlex.quote(str(path))
@@ -123,19 +128,24 @@ def _flat(calipers: Calipers) -> dict[str, Any]:
     """Answers by the names of the questions; None for a camera that aims where it best does."""
     values = {field.name: getattr(calipers, field.name) for field in fields(calipers)}
     priors = values.pop("priors").model_dump()
+    rubber = answers_of(values.pop("rubber"), priors["length_mm"])
     x_mm, y_mm = values.pop("aim_mm") or (None, None)
     return (
-        values | {"aim_x_mm": x_mm, "aim_y_mm": y_mm} | {f"priors.{key}": one for key, one in priors.items()}
+        values
+        | rubber
+        | {"aim_x_mm": x_mm, "aim_y_mm": y_mm}
+        | {f"priors.{key}": one for key, one in priors.items()}
     )
 
 
-def _calipers(answers: dict[str, Any]) -> Calipers:
-    """Back from answers."""
-    values = {name: value for name, value in answers.items() if not name.startswith(("priors.", "aim_"))}
+def _calipers(answers: dict[str, Any], rubber: Rubber) -> Calipers:
+    """Back from answers. rubber: what it was before."""
+    tables = "priors.", "rubber.", "aim_"
+    values = {name: value for name, value in answers.items() if not name.startswith(tables)}
     priors = {
         name.removeprefix("priors."): one for name, one in answers.items() if name.startswith("priors.")
     }
-    calipers = Calipers(**values, priors=PriorSpec(**priors))
+    calipers = Calipers(**values, rubber=rubber_of(answers, rubber), priors=PriorSpec(**priors))
     x_mm, y_mm = answers["aim_x_mm"], answers["aim_y_mm"]
     if x_mm is None and y_mm is None:
         return calipers
@@ -143,25 +153,37 @@ def _calipers(answers: dict[str, Any]) -> Calipers:
     return replace(calipers, aim_mm=(usual[0] if x_mm is None else x_mm, usual[1] if y_mm is None else y_mm))
 
 
-def _asked(answers: dict[str, Any], known: set[str], path: Path) -> str:
-    """Text of the rig file, with answers in place of what was not given as an option.
+def _text(answers: dict[str, Any], known: set[str], rubber: Rubber, path: Path, *, asking: bool) -> str:
+    """Text of the rig file, with answers in place of what was not given as an option. rubber: before.
 
     Answers that do not make a bench are refused with the reason, and asked for again.
     """
     while True:
-        for name, _, kind, words in _QUESTIONS:
-            if name not in known:
-                default = answers[name]
-                if default is None:
-                    default = _calipers(answers).look_at_mm[name == "aim_y_mm"]
-                answers[name] = _answer(words, default, kind, path)
+        asked = [
+            _ask(question, answers, path) for question in _QUESTIONS if asking and question[0] not in known
+        ]
         try:
-            return rig_text(_calipers(answers), path.stem, path)
+            check_given(known, answers)
+            return rig_text(_calipers(answers, rubber), path.stem, path)
         except InputError as error:
+            if not any(asked):
+                raise
             click.echo(f"{error}: again (Enter keeps your answer)", err=True)
 
 
-def _answer(words: str, default: Any, kind: Real | Whole, path: Path) -> Any:
+def _ask(question: tuple[str, str, click.ParamType[Any], str], answers: dict[str, Any], path: Path) -> bool:
+    """Ask one question, where it makes sense; whether it was asked."""
+    name, _, kind, words = question
+    if not applies(name, answers):
+        return False
+    default = answers[name]
+    if default is None and name.startswith("aim_"):
+        default = _calipers(answers | {"rubber.support": UNKNOWN}, Rubber()).look_at_mm[name == "aim_y_mm"]
+    answers[name] = _answer(words, default, kind, path)
+    return True
+
+
+def _answer(words: str, default: Any, kind: click.ParamType[Any], path: Path) -> Any:
     try:
         return click.prompt(words, default=default, type=kind)
     except click.Abort as abort:

@@ -97,6 +97,8 @@ def measure_command(
     if rig_name is not None:
         rig = given_rig(rig_name)
         check_geometry(rig)
+        if said := rig.rubber.not_known:
+            click.echo(f"! {said}", err=True)
     limit_threads()
     measurement = Measurement(
         reference, rig=rig, spacing_px=spacing, window_px=window, largest_shift_px=largest_shift

@@ -122,6 +122,8 @@ def replay_command(**options: Any) -> None:
     with open_recording(asked.file) as recording:
         window = Window.of(recording, asked.from_s, asked.to_s)
         rig = recording.rig if asked.rig_name is None else given_rig(asked.rig_name)
+        if said := rig.rubber.not_known:
+            click.echo(f"! {said}", err=True)
         replay = _close_loop if asked.mode == CLOSED_LOOP else _evaluate
         figures = {
             "recording": str(asked.file),

@@ -70,8 +70,8 @@ class Yielding:
         rubber = rig.rubber
         nu, relative = rubber.poisson, relative_sigma(rubber)
         modulus = (rubber.youngs_modulus_mpa or math.nan) / (1 - nu**2)
-        if "support" not in rubber.model_fields_set:
-            # of a half-space, off by as much as one that is bonded as deep as this prism is
+        if rubber.support is None:
+            # not known: a half-space, off by as much as a layer that is bonded as deep as this prism is
             deep = PrismGeometry(rig.prism)
             return cls(modulus, relative, other=Layer(deep.thickness_mm, nu, True))
         if rubber.thickness_mm is None:

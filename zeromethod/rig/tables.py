@@ -90,27 +90,46 @@ class Rubber(Table):
     """How the rubber yields to what presses on it.
 
     Without `youngs_modulus_mpa` no force is read, and the simulated bench takes 1 MPa; `_sigma` are standard
-    deviations. `support`: "free", a body so thick that its other faces do not matter; "bonded" or "sliding",
-    a layer of `thickness_mm` on a rigid base, bonded to it or sliding on it; by a table per face: the prism.
+    deviations. `support`: "free", a half-space: so thick that its other faces do not matter; "bonded" or
+    "sliding", a layer of `thickness_mm` on a rigid base, bonded to it or sliding on it; by a table per face:
+    the prism. Without it what holds the rubber is not known: that counts in sigma, and the simulated bench
+    takes a half-space. `body` "none": what is seen is no elastic body, and only a declared rest gives depth
+    its constant.
     """
 
+    body: Literal["elastic", "none"] = "elastic"
     youngs_modulus_mpa: Positive | None = None
     youngs_modulus_sigma_mpa: NotNegative = 0.0
     poisson: Annotated[float, Field(ge=0, le=0.5)] = 0.49
     poisson_sigma: NotNegative = 0.0
-    support: Support | FaceSupports = "free"
+    support: Support | FaceSupports | None = None
     thickness_mm: Positive | None = None
     thickness_sigma_mm: NotNegative = 0.0
 
+    @property
+    def not_known(self) -> str:
+        """What to tell people where what holds the rubber is not known, "" where it is."""
+        if self.support is not None or self.body == "none":
+            return ""
+        return (
+            "rubber.support is not given: what holds the rubber is not known, and counts in sigma: give "
+            '"free", "bonded", "sliding" or a table per face ([rubber] in docs/rig-files.md)'
+        )
+
+    @model_validator(mode="after")
+    def _elastic(self) -> Rubber:
+        values = self.model_dump()
+        for key in ("support", "thickness_mm", "youngs_modulus_mpa") if self.body == "none" else ():
+            if values[key] is not None:
+                raise refused(key, values[key], "not given with rubber.body 'none', which is not elastic")
+        return self
+
     @model_validator(mode="after")
     def _thick(self) -> Rubber:
-        if isinstance(self.support, FaceSupports):
-            if self.thickness_mm is not None:
-                raise refused("thickness_mm", self.thickness_mm, "only with support 'bonded' or 'sliding'")
-            return self
-        if self.support != "free" and self.thickness_mm is None:
+        layer = self.support in ("bonded", "sliding")
+        if layer and self.thickness_mm is None:
             raise refused("thickness_mm", None, f"a number above 0 for support '{self.support}'")
-        if self.support == "free" and self.thickness_mm is not None:
+        if not layer and self.thickness_mm is not None:
             raise refused("thickness_mm", self.thickness_mm, "only with support 'bonded' or 'sliding'")
         return self
 

@@ -127,6 +127,7 @@ class Session:
             self._scenario = script_of(self._devices.camera)
             self._phases = frozenset(one.name for one in (self._scenario.phases if self._scenario else ()))
             self._calls: list[Call] = []
+            self._rubber_note = self.rig.rubber.not_known
             self._delay_note = DelayNote(self.rig, self.loop, self.result)
             self._steps: Generator[Step] | None = None
             self._reads_apart = self._closed = False
@@ -350,5 +351,6 @@ class Session:
 
     def _notes(self) -> tuple[str, ...]:
         """Notes of everything but the loop itself."""
+        rubber, self._rubber_note = ((self._rubber_note,) if self._rubber_note else ()), ""
         fine = () if self._fine is None else self._fine.notes()
-        return self._delay_note.take() + self.recording.notes() + self._surfaces.notes() + fine
+        return rubber + self._delay_note.take() + self.recording.notes() + self._surfaces.notes() + fine

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from zeromethod.errors import InputError
 from zeromethod.resources import resource
 from zeromethod.rig.model import Rig
 from zeromethod.rig.prism_tables import Prism, RestSurface
@@ -38,6 +39,11 @@ class Scenario:
     rubber: Rubber = RUBBER
     prism: Prism | None = None
     cloth: Cloth | None = None
+
+    def __post_init__(self) -> None:
+        if self.objects and self.rubber.body == "none":
+            allowed = 'one without hard objects, as rubber.body is "none"'
+            raise InputError(f'scenario: "{self.name}": {allowed}')
 
     def mirror_at(self, time_ns: int) -> Mirror:
         """Return the mirror at `time_ns`; mirrors that are alike compare equal."""

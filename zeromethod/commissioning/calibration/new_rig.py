@@ -7,12 +7,15 @@ import shlex
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import tomlkit
+
 from zeromethod.design import SampledView
 from zeromethod.errors import InputError
 from zeromethod.optics import Optics, check_geometry
 from zeromethod.resources import resource
+from zeromethod.rig.keys import plain
 from zeromethod.rig.load import parse_rig
-from zeromethod.rig.model import PriorSpec, Rig
+from zeromethod.rig.model import PriorSpec, Rig, Rubber
 from zeromethod.warp.rest import Rest
 
 _LOOK_AT_SHARE = 0.545
@@ -26,7 +29,7 @@ class Calipers:
     lcd_along_mm: from P0 to the LCD's middle, along the pattern face. distance_mm: from the lens (its front
     principal plane, about the middle of a short lens) to the camera face. lens_mm: focal length. aim_mm:
     where the camera looks, (x from P0 along the mirror, y); None: past the middle, as P0's end has no lever.
-    priors: how well all of this is known.
+    priors: how well all of this is known. rubber: what holds it.
     """
 
     pattern_angle_deg: float
@@ -51,6 +54,7 @@ class Calipers:
     rise_s: float = 0.004
     scanout_s: float | None = None
     priors: PriorSpec = field(default_factory=PriorSpec)
+    rubber: Rubber = field(default_factory=Rubber)
 
     @classmethod
     def of(cls, rig: Rig) -> Calipers:
@@ -100,6 +104,7 @@ class Calipers:
             lens_mm=lens,
             distance_mm=round(distance, 3),
             priors=rig.priors,
+            rubber=rig.rubber,
         )
 
     @property
@@ -166,8 +171,14 @@ def rig_text(calipers: Calipers, name: str, path: Path) -> str:
     template = resource("calibration", "new_rig.toml").read_text(encoding="utf-8")
     centre_px = [(count - 1) / 2 for count in (calipers.camera_columns, calipers.camera_rows)]
     scanout = "" if calipers.scanout_s is None else f"scanout_s = {calipers.scanout_s!r}\n"
+    rubber = tomlkit.dumps({"rubber": plain(calipers.rubber)})
     text = template.format(
-        c=calipers, name=name, file=shlex.quote(path.name), centre_px=centre_px, scanout=scanout
+        c=calipers,
+        name=name,
+        file=shlex.quote(path.name),
+        centre_px=centre_px,
+        scanout=scanout,
+        rubber=rubber,
     )
     rig = parse_rig(text, path)
     check_geometry(rig)
