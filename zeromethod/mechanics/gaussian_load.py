@@ -36,6 +36,9 @@ class Loads:
     def __len__(self) -> int:
         return len(self.x_mm)
 
+    def __getitem__(self, some: slice) -> Loads:
+        return Loads(self.x_mm[some], self.y_mm[some], self.width_mm[some])
+
     @property
     def q_mm2(self) -> Float:
         """(n,) what depth far away is over 1 / distance, for dents 1 mm deep on a half-space."""
@@ -82,9 +85,10 @@ class LayerBody:
 
 @dataclass(frozen=True, eq=False)
 class PrismBody:
-    """The rig's prism, with what holds its faces."""
+    """The rig's prism, with what holds its faces; share: of what they add."""
 
     kernel: BodyKernel
+    share: float = 1.0
 
     def fields(self, x_mm: Float, y_mm: Float, loads: Loads) -> Float:
         """As `HalfSpace.fields`."""
@@ -93,7 +97,7 @@ class PrismBody:
         y = (loads.y_mm[:, None, None] + loads.width_mm[:, None, None] * at) + 0 * at[:, None]
         by_load = self.kernel.by_loads(np.stack([x.ravel(), y.ravel()])).reshape(-1, *x.shape)
         share = np.outer(weight, weight) / weight.sum() ** 2
-        mean = np.einsum("inab,ab->in", by_load, share) * loads.q_mm2
+        mean = np.einsum("inab,ab->in", by_load, share) * (self.share * loads.q_mm2)
         added = np.einsum("kin,im->knm", self.kernel.products(x_mm, y_mm), mean, optimize=True)
         return HalfSpace().fields(x_mm, y_mm, loads) + added
 

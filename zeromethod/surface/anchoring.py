@@ -105,6 +105,7 @@ class Anchoring:
         """
         self._anchors, self._weights, self._several = anchors, weights, several
         self.linear = None
+        self.learned, self._step_mm = None, 0.0
         self._fits = 0
         self._chosen: RestFit | None = None
         self.fit: RestFit | None = None
@@ -126,7 +127,12 @@ class Anchoring:
             loads = self._anchors.loads
             x, y = read.point[..., 0], read.point[..., 1]
             blocks = loads.blocks(read.slope, read.variance, read.depth, x, y, read.island)
-            c_mm, sigma_mm = loads.find(blocks, read.variance, read.island, self.linear(x, y))
+            if self.learned is None or self._step_mm > 1e-3 or not np.array_equal(self.learned.used, blocks.used):
+                self.learned = loads.learn(blocks, read.variance, read.island, self.linear(x, y), self.learned if self.learned is not None and np.array_equal(self.learned.used, blocks.used) else None)
+            c_mm, sigma_mm = self.learned.of(blocks)
+            self._step_mm = abs(c_mm)
+            import os
+            if os.environ.get("TR"): print("  C", c_mm, "sigma", sigma_mm, "loads", np.count_nonzero(loads.gamma), "ev", [b.evidence for b in self.learned.bodies], "range", float(np.ptp(read.depth[read.island])))
             weights = np.where(read.island, self._anchors.scale**2, 0.0)
             self.fit = RestFit("quiet", weights / weights.sum(), sigma_mm, mean(weights / weights.sum(), read.depth / self._anchors.scale) - c_mm)
             self.fixed = abs(c_mm) < _AGAIN_MM or self._fits == _MOST_FITS

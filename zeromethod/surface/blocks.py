@@ -45,12 +45,31 @@ class Blocks:
         rows = np.add.reduceat(values, self.first_row, axis=0)
         return np.add.reduceat(rows, self.first_col, axis=1).reshape(self.count, *values.shape[2:])
 
+    def spread(self, of_blocks: Float) -> Float:
+        """(rows, cols) each node its block's value, of (blocks,)."""
+        down, across = self._sizes
+        whole = of_blocks.reshape(len(down), len(across))
+        return np.repeat(np.repeat(whole, down, axis=0), across, axis=1)
+
+    def border(self, share: float) -> Mask:
+        """(blocks,) those within a share of the shorter side from the lattice's border."""
+        rows, cols = len(self.first_row), len(self.first_col)
+        width = max(round(share * min(rows, cols)), 1)
+        out = np.ones((rows, cols), bool)
+        out[width:-width, width:-width] = False
+        return out.ravel()
+
+    @property
+    def _sizes(self) -> tuple[Ints, Ints]:
+        """Rows and columns of nodes of each row and column of blocks."""
+        rows, cols = self.shape
+        return np.diff(np.append(self.first_row, rows)), np.diff(np.append(self.first_col, cols))
+
     @cached_property
     def _moments(self) -> tuple[Float, Float]:
         """(rows, cols, 2): places of nodes about their block's middle, in nodes; (blocks, 2) sizes in nodes."""
         offsets, sizes = [], []
-        for first, n in zip((self.first_row, self.first_col), self.shape, strict=True):
-            size = np.diff(np.append(first, n))
+        for first, n, size in zip((self.first_row, self.first_col), self.shape, self._sizes, strict=True):
             offsets.append(np.arange(n) - np.repeat(first + 0.5 * (size - 1), size))
             sizes.append(size.astype(np.float64))
         places = np.stack(np.meshgrid(*offsets, indexing="ij"), axis=-1)
@@ -89,10 +108,8 @@ class Blocks:
         A field of degree 5 has the same mean over these as over all of a block's nodes.
         """
         _, size = self._moments
-        middle = [
-            first + 0.5 * (np.diff(np.append(first, n)) - 1)
-            for first, n in zip((self.first_row, self.first_col), self.shape, strict=True)
-        ]
+        first = self.first_row, self.first_col
+        middle = [one + 0.5 * (n - 1) for one, n in zip(first, self._sizes, strict=True)]
         row, col = (m.ravel() for m in np.meshgrid(*middle, indexing="ij"))
         way = np.sqrt(np.maximum(3 * size**2 - 7, 1.0) / 20)
         outer = 0.5 * (size**2 - 1) / 12 / way**2
@@ -109,10 +126,9 @@ class Blocks:
         nodes: its correlation between nodes 0, 1, 2, ... apart along either axis.
         """
         out = []
-        for first, n in zip((self.first_row, self.first_col), self.shape, strict=True):
+        for first, n, size in zip((self.first_row, self.first_col), self.shape, self._sizes, strict=True):
             apart = np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
             whole = np.where(apart < len(nodes), nodes[np.minimum(apart, len(nodes) - 1)], 0.0)
-            size = np.diff(np.append(first, n))
             whole = np.add.reduceat(np.add.reduceat(whole, first, axis=0), first, axis=1)
             out.append(whole / np.outer(size, size))
         return out[0], out[1]

@@ -11,6 +11,7 @@ import numpy as np
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.errors import InputError
+from zeromethod.mechanics.bodies import candidates_of
 from zeromethod.mechanics.body import body_of
 from zeromethod.optics import Optics
 from zeromethod.optics.bench import sensitivity_of_rays
@@ -20,6 +21,7 @@ from zeromethod.surface.anchor import NodeReadings, RestFit
 from zeromethod.surface.anchoring import AnchorFinder, certain
 from zeromethod.surface.bench_drift import BenchDrift
 from zeromethod.surface.bridge import ReadNodes, bridge, cut_off_parts
+from zeromethod.surface.constant import LoadConstant
 from zeromethod.surface.covariance import DepthCovariance
 from zeromethod.surface.depth_scale import depth_scale
 from zeromethod.surface.far_field import BodyOnNodes
@@ -133,13 +135,10 @@ class SurfaceReader:
         anchors = AnchorFinder(
             rig.surface.known_rest, self._scale, self._scale_gradient, correlation, self._body_on(rig, point)
         )
-        import os
-        if os.environ.get("LOADS"):
-            from zeromethod.surface.constant import LoadConstant
-            from zeromethod.mechanics.gaussian_load import HalfSpace
-            from zeromethod.warp.overlap import shared_nodes
+        if rig.surface.constant == "loads" and (bodies := candidates_of(rig)):
             xy = continued_points(point[..., :2])
-            anchors.loads = LoadConstant([HalfSpace()], xy[..., 0], xy[..., 1], self._scale, self._scale_gradient, correlation)
+            fixed = self._scale, self._scale_gradient, correlation
+            anchors.loads = LoadConstant(bodies, xy[..., 0], xy[..., 1], *fixed)
         self._settling = Settling(self._rays, self._integrator, anchors)
         self._overlap = component_correlation(grid.period_px, grid.spacing_px, rig.target.kind)
         self._noise = DepthNoise(self._integrator)
