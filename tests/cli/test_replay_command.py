@@ -33,6 +33,15 @@ def test_replay_from_warps_reports_no_difference(session, tmp_path):
     assert figure.read_bytes().startswith(b"\x89PNG")
 
 
+def test_replay_says_once_that_what_holds_the_rubber_is_not_known(session):
+    window = "--from", 0.1, "--to", 0.2
+    code, _, err = run("replay", session, *window, "--set", "rubber={}")
+    assert code == 0
+    assert err.count("\n") == 1
+    assert err.startswith("! rubber.support is not given: ")
+    assert run("replay", session, *window, "--set", "rubber={}", "--set", "rubber.support=free")[2] == ""
+
+
 def test_replay_from_frames_with_another_setting_reports_what_it_changes(session, tmp_path):
     summary = tmp_path / "s.json"
     line = "--mode from-frames --set camera.noise.read_grey=9 --from 0.1 --to 0.2"

@@ -122,8 +122,6 @@ def replay_command(**options: Any) -> None:
     with open_recording(asked.file) as recording:
         window = Window.of(recording, asked.from_s, asked.to_s)
         rig = recording.rig if asked.rig_name is None else given_rig(asked.rig_name)
-        if said := rig.rubber.not_known:
-            click.echo(f"! {said}", err=True)
         replay = _close_loop if asked.mode == CLOSED_LOOP else _evaluate
         figures = {
             "recording": str(asked.file),
@@ -150,6 +148,7 @@ def _evaluate(asked: _Asked, recording: Recording, window: Window, rig: Rig) -> 
     """Evaluate the warps or the frames again, and print how far the numbers differ; the figures."""
     rig = with_settings(rig, asked.changes)
     check_geometry(rig)
+    _say_not_known(rig)
     steps = recording.steps[recording.steps["time_ns"] <= window.to_ns]
     from_warps = asked.mode == FROM_WARPS
     count = np.isin(recording.peaks["step"], steps["number"]) if from_warps else steps["sensed"]
@@ -177,6 +176,7 @@ def _close_loop(asked: _Asked, recording: Recording, window: Window, rig: Rig) -
     changed = with_settings(simulated_bench(rig), (*drawn_by, *asked.changes))
     if changed != rigs["simulated"]:
         rigs["changed"] = changed
+    _say_not_known(changed)
     tracks = [recorded_track(recording, window)]
     for name, bench in rigs.items():
         check_geometry(bench)
@@ -211,6 +211,12 @@ def _close_loop(asked: _Asked, recording: Recording, window: Window, rig: Rig) -
         click.echo(f"! {some} of the recording left out: nothing touches the simulated bench", err=True)
     about = {"gl_renderer": session.gl_renderer, "changed": "changed" in rigs, "contacts_left_out": left_out}
     return {**about, "sessions": sessions, "curves": curves}
+
+
+def _say_not_known(rig: Rig) -> None:
+    """Say where what holds the rubber is not known."""
+    if said := rig.rubber.not_known:
+        click.echo(f"! {said}", err=True)
 
 
 def _curves(track: Track) -> dict[str, Any]:
