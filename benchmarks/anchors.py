@@ -372,7 +372,7 @@ def constants(count: int, constant: str | None) -> dict[str, dict[str, list[Read
     def reader(view: int, body: str) -> SurfaceReader:
         return views[view].reader_by(Rubber.model_validate({**kept, **BODIES[body]}))
 
-    found: dict[str, dict[str, list[Read]]] = {group: {} for group in (STATED, SILENT, OFF, FORMULA)}
+    found: dict[str, dict[str, list[Read]]] = {}
     with progress(len(CASES), "families") as advance:
         for number, case in enumerate(CASES):
             draw = generator(SEED, number)
@@ -384,7 +384,7 @@ def constants(count: int, constant: str | None) -> dict[str, dict[str, list[Read
                 for body, group in case.groups.items():
                     by = reader(views.index(view), body)
                     read = anchored(view, by, by.read(warp), dent)
-                    found[group].setdefault(case.name, []).append(read)
+                    found.setdefault(group, {}).setdefault(case.name, []).append(read)
             advance(case.name)
     return found
 
@@ -481,11 +481,12 @@ def _others(file: Path, scenes: str) -> dict[str, Constants]:
     """Rows of another version, of the same scenes."""
     try:
         data = json.loads(file.read_text())["data"]
-        if data["scenes"] != scenes:
-            raise InputError(f"--against: {file}: of other scenes: {data['scenes']}, not {scenes}")
-        return {name: Constants(**row) for name, row in data["rows"].items()}
+        theirs, rows = data["scenes"], {name: Constants(**row) for name, row in data["rows"].items()}
     except (ValueError, KeyError, TypeError):
         raise InputError(f"--against: {file}: no summary of this benchmark") from None
+    if theirs != scenes:
+        raise InputError(f"--against: {file}: of other scenes: {theirs}, not {scenes}")
+    return rows
 
 
 @benchmark(
