@@ -25,6 +25,7 @@ import numpy as np
 from benchmarks.calibration_benches import View
 from benchmarks.hand_presses import any_press, can_be_nulled
 from benchmarks.honesty import deviation
+from benchmarks.pads import pad
 from benchmarks.report import Figure, Report, benchmark, figure, start
 from benchmarks.rigs import VIEW_MIDDLE_MM, changed, small_rig
 from benchmarks.salt import generator, salt_option, seed
@@ -40,7 +41,7 @@ from zeromethod.simulation.camera import SimulatedCamera
 from zeromethod.simulation.contact.objects import ALBEDO, Form, Solid
 from zeromethod.simulation.contact.path import ObjectPath
 from zeromethod.simulation.path import PathPoint, PressPath
-from zeromethod.simulation.press import Dent, Shape
+from zeromethod.simulation.press import Dent
 from zeromethod.simulation.scenario import Scenario
 from zeromethod.surface.peak import Where
 from zeromethod.view.progress import progress
@@ -57,8 +58,8 @@ COVERED_FRAMES, BACK_FRAMES, COVERED_SHARES = 3, 10, (0.6, 0.95)
 COVER_MM, COVER_DEPTH_MM = (20.0, 30.0), 0.05
 """Radii of flat faces, and how deep they are pressed."""
 SEED = 16
-FAR_MM, WIDE_MM, MOST_MM = 90.0, 100.0, 3.5
-"""A dent that displaces the whole view: beside its middle, sigma, depth for four periods on one side."""
+FAR_MM, WIDE_MM, MOST_MM = 90.0, 100.0, 4.2
+"""A load that displaces the whole view: beside its middle, sigma, depth for four periods on one side."""
 
 
 @dataclass(frozen=True)
@@ -107,8 +108,8 @@ def held(rig: Rig, dent: Dent, from_frame: int, to_frame: int | None = None) -> 
 
 
 def thrown(depth_mm: float, side: float) -> Dent:
-    """A dent that displaces the whole view."""
-    return Dent(Shape.GAUSSIAN, VIEW_MIDDLE_MM + side * FAR_MM, 0.0, depth_mm, WIDE_MM)
+    """A load that displaces the whole view."""
+    return pad(VIEW_MIDDLE_MM + side * FAR_MM, 0.0, depth_mm, WIDE_MM)
 
 
 def scenes(count: int) -> Sequence[Scene]:
@@ -216,7 +217,7 @@ def covered(number: int) -> Covered:
     x_mm, y_mm = VIEW_MIDDLE_MM + float(draw.uniform(-4.0, 4.0)), float(draw.uniform(-3.0, 3.0))
     radius_mm = float(draw.uniform(*COVER_MM))
     face = Solid(Form.PUNCH, radius_mm, albedo=list(ALBEDO.values())[number % len(ALBEDO)])
-    comes = held(rig, Dent(Shape.GAUSSIAN, x_mm, y_mm, COVER_DEPTH_MM, 1.0), PRESS_AT, lift).points
+    comes = held(rig, pad(x_mm, y_mm, COVER_DEPTH_MM, 1.0), PRESS_AT, lift).points
     states: dict[int, State] = {}
     inside = 0
     with open_devices(rig) as devices:

@@ -16,9 +16,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
-from math import exp, inf, log, sqrt
+from math import exp, inf, isfinite, log, nan, sqrt
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +41,7 @@ from benchmarks.dents import (
 from benchmarks.hand_presses import MOST_SLOPE
 from benchmarks.loads import HELD, Load, Pressed, held_prism, rough
 from benchmarks.peaks import LEVER_MM, RING_CURVATURE, middle_of_the_view
-from benchmarks.report import Figure, Report, benchmark, figure, start
+from benchmarks.report import Report, benchmark, figure, start
 from benchmarks.rigs import changed, coarser
 from benchmarks.salt import generator, held_out, salt_option
 from benchmarks.totals import SIGMAS, estimate, rate, rms
@@ -372,7 +372,7 @@ def constants(count: int, constant: str | None) -> dict[str, dict[str, list[Read
     def reader(view: int, body: str) -> SurfaceReader:
         return views[view].reader_by(Rubber.model_validate({**kept, **BODIES[body]}))
 
-    found: dict[str, dict[str, list[Read]]] = {group: {} for group in (STATED, SILENT, OFF, FORMULA)}
+    found: dict[str, dict[str, list[Read]]] = {}
     with progress(len(CASES), "families") as advance:
         for number, case in enumerate(CASES):
             draw = generator(SEED, number)
@@ -384,108 +384,85 @@ def constants(count: int, constant: str | None) -> dict[str, dict[str, list[Read
                 for body, group in case.groups.items():
                     by = reader(views.index(view), body)
                     read = anchored(view, by, by.read(warp), dent)
-                    found[group].setdefault(case.name, []).append(read)
+                    found.setdefault(group, {}).setdefault(case.name, []).append(read)
             advance(case.name)
     return found
 
 
-@dataclass(frozen=True)
-class Constants:
-    """Of a family or a group: figures, each with its standard error; nm, and shares of 1."""
-
-    count: int
-    rms_nm: tuple[float, float]
-    sigma_nm: tuple[float, float]
-    z: tuple[float, float]
-    beyond: tuple[float, float]
-    share: tuple[float, float]
-    """Of sigma over the rms error."""
-
-    @classmethod
-    def of(cls, reads: Sequence[Read]) -> Constants:
-        """Of errors and their sigma."""
-        error, sigma = 1e6 * np.array(reads).T
-        z = error / sigma
-        return cls(
-            len(z),
-            estimate(rms, error),
-            estimate(np.median, sigma),
-            estimate(rms, z),
-            rate(int(np.count_nonzero(np.abs(z) > SIGMAS)), len(z)),
-            estimate(lambda s, e: np.median(s) / rms(e), sigma, error),
-        )
-
-    def over(self, other: Constants) -> tuple[float, float]:
-        """Rms error and sigma over those of another version."""
-        return self.rms_nm[0] / other.rms_nm[0], self.sigma_nm[0] / other.sigma_nm[0]
-
-    def cells(self) -> list[str]:
-        """Of a table."""
-        return [
-            f"{self.count}",
-            f"{self.rms_nm[0]:.0f} ± {self.rms_nm[1]:.0f}",
-            f"{self.sigma_nm[0]:.0f} ± {self.sigma_nm[1]:.0f}",
-            f"{self.z[0]:.2f} ± {self.z[1]:.2f}",
-            f"{100 * self.beyond[0]:.1f} ± {100 * self.beyond[1]:.1f}",
-        ]
+Row = dict[str, tuple[float, float]]
+"""Figures of a family or a group, each with its standard error: nm, and shares of 1."""
 
 
-def figures_of(group: str, of: Constants, other: Constants | None) -> list[Figure]:
-    """A group's, with its bars; other: the same group's of another version."""
-    least_z, most_z = {STATED: (0.8, 1.3), FORMULA: (None, 1.5)}.get(group, (0.7, 1.3))
-    most_rms = {STATED: 0.5}.get(group)
-    most_sigma = {STATED: 1.0, SILENT: 2.0, OFF: 2.0}.get(group)
-    figures = [
-        figure("error, rms", *of.rms_nm, unit="nm"),
-        figure("stated sigma, median", *of.sigma_nm, unit="nm"),
-        figure("sigma over rms error", *of.share, most=3.0 if group == FORMULA else None),
-        figure("error over sigma, rms", *of.z, least=least_z, most=most_z),
-        figure("beyond 3 sigma", *of.beyond, unit="%", most={STATED: 0.01, FORMULA: 0.05}.get(group)),
-    ]
-    if other is not None:
-        rms_ratio, sigma_ratio = of.over(other)
-        figures += [
-            figure("error over the other version's", rms_ratio, most=most_rms),
-            figure("sigma over the other version's", sigma_ratio, most=most_sigma),
-        ]
-    return [replace(one, name=f"{group}: {one.name}") for one in figures]
+def row_of(reads: Sequence[Read]) -> Row:
+    """Of errors and their sigma, mm."""
+    error, sigma = 1e6 * np.array(reads).T
+    z = error / sigma
+    return {
+        ERROR: estimate(rms, error),
+        SIGMA: estimate(np.median, sigma),
+        Z: estimate(rms, z),
+        BEYOND: rate(int(np.count_nonzero(np.abs(z) > SIGMAS)), len(z)),
+        SHARE: estimate(lambda s, e: np.median(s) / rms(e), sigma, error),
+    }
+
+
+ERROR, SIGMA = "error, rms, nm", "stated sigma, median, nm"
+Z, BEYOND, SHARE = "error over sigma, rms", "beyond 3 sigma", "sigma over rms error"
+OTHERS_ERROR, OTHERS_SIGMA = "error over another version's", "sigma over another version's"
+BARS: dict[tuple[str, str], tuple[float | None, float | None]] = {
+    (STATED, Z): (0.8, 1.3),
+    (STATED, BEYOND): (None, 0.01),
+    (STATED, OTHERS_ERROR): (None, 0.5),
+    (STATED, OTHERS_SIGMA): (None, 1.0),
+    (SILENT, Z): (0.7, 1.3),
+    (SILENT, OTHERS_SIGMA): (None, 2.0),
+    (OFF, Z): (0.7, 1.3),
+    (OFF, OTHERS_SIGMA): (None, 2.0),
+    (FORMULA, Z): (None, 1.5),
+    (FORMULA, BEYOND): (None, 0.05),
+    (FORMULA, SHARE): (None, 3.0),
+}
+"""Least and most of a group's figures."""
 
 
 def report(count: int, constant: str | None = None, against: Path | None = None) -> Report:
     """A row for every family and group, and the groups' figures."""
     scenes = f"{count} of each family, salt {held_out()!r}"
     others = {} if against is None else _others(against, scenes)
-    rows, data, figures, worst = [], {}, [], []
+    rows, figures, worst = {}, [], 0.0
     for group, families in constants(count, constant).items():
         families["all"] = [read for reads in families.values() for read in reads]
         for name, reads in families.items():
-            row, of = f"{group}: {name}", Constants.of(reads)
-            other = others.get(row)
-            ratios = () if other is None else of.over(other)
-            rows.append([row, *of.cells(), *(f"{one:.2f}" for one in ratios)])
-            data[row] = asdict(of)
-            if name == "all":
-                figures += figures_of(group, of, other)
-            elif other is not None and group == STATED:
-                worst.append(of.over(other)[0])
-    if worst:
-        name = f"{STATED}: error over the other version's, worst family"
-        figures.append(figure(name, max(worst), most=FAMILY_RMS))
-    header = ["family", "dents", "error, rms nm", "sigma, median nm", "z rms", "% > 3 sigma"]
-    header += ["error over other's", "sigma over other's"]
+            row = rows[f"{group}: {name}"] = row_of(reads)
+            if others:
+                for ratio, words in ((OTHERS_ERROR, ERROR), (OTHERS_SIGMA, SIGMA)):
+                    row[ratio] = row[words][0] / others[f"{group}: {name}"][words][0], nan
+                worst = max(worst, row[OTHERS_ERROR][0] if group == STATED else 0.0)
+        for words, pair in row.items():
+            least, most = BARS.get((group, words), (None, None))
+            figures.append(figure(f"{group}: {words}", *pair, least=least, most=most))
+    if others:
+        name = f"{STATED}: {OTHERS_ERROR}, worst family"
+        figures.append(figure(name, worst, most=FAMILY_RMS))
+    table = [["family", *row]]
+    table += [
+        [name, *(f"{v:.3g}" + f" ± {e:.2g}" * isfinite(e) for v, e in of.values())]
+        for name, of in rows.items()
+    ]
     title = "The constant of dents of many families"
-    return Report(title, figures, [header, *rows], {"scenes": scenes, "rows": data}, totals=True)
+    return Report(title, figures, table, {"scenes": scenes, "rows": rows}, totals=True)
 
 
-def _others(file: Path, scenes: str) -> dict[str, Constants]:
+def _others(file: Path, scenes: str) -> dict[str, Row]:
     """Rows of another version, of the same scenes."""
     try:
         data = json.loads(file.read_text())["data"]
-        if data["scenes"] != scenes:
-            raise InputError(f"--against: {file}: of other scenes: {data['scenes']}, not {scenes}")
-        return {name: Constants(**row) for name, row in data["rows"].items()}
+        theirs, rows = data["scenes"], dict(data["rows"])
     except (ValueError, KeyError, TypeError):
         raise InputError(f"--against: {file}: no summary of this benchmark") from None
+    if theirs != scenes:
+        raise InputError(f"--against: {file}: of other scenes: {theirs}, not {scenes}")
+    return rows
 
 
 @benchmark(

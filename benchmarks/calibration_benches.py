@@ -9,7 +9,7 @@ half its columns and rows.
 The whole calibration (light, rest map, delay, presses) runs on the simulated devices in simulated time, from
 the packaged rig file and caliper-grade priors, and finds the mirror's edges in its own pictures. Presses of
 known depth: three along x, 0.2 mm, the height gauge off by up to 1 um. Then the loop runs on the calibrated
-rig and its measured rest, and is pressed elsewhere: pads of other widths, straight edges, twin pads, dry
+rig and its measured rest, and is pressed elsewhere: loads of other widths, rods, twin loads, dry
 balls, 0.05 to 0.3 mm. Each is read in the last frames while it is held. For the other sets of data the same
 frames are read through the rig that those give.
 
@@ -42,8 +42,10 @@ from benchmarks.calibration_study import (
     details_of,
     draw,
     figures_of,
+    other_press,
     summarise,
 )
+from benchmarks.pads import pad
 from benchmarks.report import Report, benchmark, figure, start
 from benchmarks.rigs import changed
 from benchmarks.salt import generator, salt_option, seed
@@ -63,7 +65,7 @@ from zeromethod.rig.model import Rig
 from zeromethod.session.session import Session
 from zeromethod.simulation.camera import SimulatedCamera
 from zeromethod.simulation.path import PathPoint, PressPath
-from zeromethod.simulation.press import Dent, Mirror, Shape
+from zeromethod.simulation.press import Dent, Mirror
 from zeromethod.simulation.scenario import Scenario
 from zeromethod.surface import Peak, SurfaceReader, peak
 from zeromethod.surface.comparison import true_peak_mm
@@ -76,7 +78,6 @@ BINNING, PERIOD_PX = 4, 8
 TESTS = 8
 KNOWN_SHARES = (0.25, 0.5, 0.75)
 KNOWN_SIGMA_MM = 5.0
-MOST_SLOPE = 0.025
 FRAMES = 12
 LEAD_S, MOVE_S, HOLD_S, PAUSE_S = 0.1, 0.15, 0.6, 0.2
 LOCK_S = 1.0
@@ -125,23 +126,6 @@ class View:
         """Mirror point (x, y) in mm at these shares of the view."""
         x, y = self._low + (self._high - self._low) * np.array([share_x, share_y])
         return float(x), float(y)
-
-
-def other_press(kind: int, view: View, rng: np.random.Generator) -> tuple[Dent, ...]:
-    """Draw a press that no calibration sees: pad, edge, twin pads, dry ball."""
-    x, y = view.place(rng.uniform(0.2, 0.8), rng.uniform(0.3, 0.7))
-    depth = rng.uniform(0.05, 0.3)
-    sigma = max(rng.uniform(3.5, 5.5), 0.607 * depth / MOST_SLOPE)
-    if kind == 1:
-        length, angle = rng.uniform(6.0, 10.0), rng.uniform(0.0, 180.0)
-        return (Dent(Shape.EDGE, x, y, depth, sigma, length, angle),)
-    if kind == 2:
-        second = Dent(Shape.GAUSSIAN, x + rng.uniform(1.5, 2.0) * sigma, y, depth / 2, sigma)
-        return Dent(Shape.GAUSSIAN, x, y, depth, sigma), second
-    if kind == 3:
-        depth, contact = rng.uniform(0.05, 0.12), rng.uniform(5.0, 8.0)
-        return (Dent(Shape.BALL, x, y, depth, contact**2 / depth),)
-    return (Dent(Shape.GAUSSIAN, x, y, depth, sigma),)
 
 
 def held(dent: Dent, down_ns: int) -> PressPath:
@@ -258,8 +242,7 @@ def study_bench(
     bench = drawn(given, rng, seed(number))
     view = View(bench)
     known = [
-        Dent(Shape.GAUSSIAN, *view.place(share, rng.uniform(0.4, 0.6)), KNOWN_MM, KNOWN_SIGMA_MM)
-        for share in KNOWN_SHARES
+        pad(*view.place(share, rng.uniform(0.4, 0.6)), KNOWN_MM, KNOWN_SIGMA_MM) for share in KNOWN_SHARES
     ]
     given_mm = tuple(dent.depth_mm + rng.uniform(-GAUGE_MM, GAUGE_MM) for dent in known)
     recorded, found, said = recorded_of(given, bench, known, given_mm)
@@ -267,7 +250,7 @@ def study_bench(
     calibrated = {case: evaluate(one, found) for case, one in cases_of(recorded).items() if case in cases}
     fitted_s = time.process_time() - started - recorded_s
     kinds = tuple(k % 4 for k in range(tests))
-    presses = [other_press(kind, view, rng) for kind in kinds]
+    presses = [other_press(kind, view.place, rng) for kind in kinds]
     depths = np.array([true_peak_mm(Mirror(dents), *view.points.T) for dents in presses])
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "rest.npz"

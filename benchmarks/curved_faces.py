@@ -1,10 +1,10 @@
 """Depth on curved sensor faces, known and calibrated: the paper's remedy where a flat face is covered (6.2).
 
 The packaged rigs `dome` and `cylinder`. Known: the loop runs on the rig as its file says, binned by 2 with
-larger LCD pixels, and is pressed by pads and a straight edge, four in turn. Calibrated: benches drawn as in
+larger LCD pixels, and is pressed by loads and a rod, four in turn. Calibrated: benches drawn as in
 calibration_benches.py, whose mirror's radius is off by up to 2 %, its centre by 0.5 mm and its axis by 0.5
 degrees; the whole calibration with three presses of known depth, then a run on it, pressed four times
-elsewhere: a pad, an edge, twin pads, a dry ball. Errors are those of each press's peak. Beside a ball's rim a
+elsewhere: a pad, a rod, twin pads, a dry ball. Errors are those of each press's peak. Beside a ball's rim a
 hollow mirror folds sooner than a flat one; where that cuts the ball off, its sigma says that it was not read.
 """
 
@@ -19,23 +19,24 @@ import numpy as np
 
 from benchmarks.calibration_benches import HOLD_S, View, followed, study_bench
 from benchmarks.calibration_study import CASES, Outcome
+from benchmarks.pads import bar, pad
 from benchmarks.report import Figure, Report, benchmark, start
 from benchmarks.rigs import coarser
 from benchmarks.salt import salt_option
 from zeromethod.cli.numbers import Whole
 from zeromethod.rig.load import load_rig
-from zeromethod.simulation.press import Dent, Mirror, Shape
+from zeromethod.simulation.press import Dent, Mirror
 from zeromethod.surface.comparison import true_peak_mm
 from zeromethod.view.progress import Advance, progress
 
 FACES = ("dome", "cylinder")
 PRESSES = (
-    (Shape.GAUSSIAN, 0.5, 0.5, 0.1, 4.0, 0.0),
-    (Shape.GAUSSIAN, 0.3, 0.6, 0.15, 6.0, 0.0),
-    (Shape.GAUSSIAN, 0.7, 0.35, 0.05, 3.0, 0.0),
-    (Shape.EDGE, 0.4, 0.4, 0.1, 4.5, 6.0),
+    (0.5, 0.5, 0.1, 4.0, 0.0),
+    (0.3, 0.6, 0.15, 6.0, 0.0),
+    (0.7, 0.35, 0.05, 3.0, 0.0),
+    (0.4, 0.4, 0.1, 4.5, 6.0),
 )
-"""Shape, place in the view's shares, depth, sigma and length, mm."""
+"""Place in the view's shares, depth, sigma and length, mm."""
 MOST_KNOWN, MOST_CALIBRATED = 0.5, 1.0
 """Largest error of a peak, percent."""
 UNREAD = 10.0
@@ -61,14 +62,16 @@ class Face:
         return [error for error, sigma in both if sigma < UNREAD]
 
 
+def _dent(view: View, x: float, y: float, depth_mm: float, sigma_mm: float, length_mm: float) -> Dent:
+    at = view.place(x, y)
+    return bar(*at, depth_mm, sigma_mm, length_mm) if length_mm else pad(*at, depth_mm, sigma_mm)
+
+
 def known_errors(name: str) -> list[list[float]]:
     """Errors of the last frames while a press is held, of each press, percent."""
     rig = coarser(load_rig(name), 2).model_copy(update={"scenario": "none"})
     view = View(rig)
-    presses = [
-        (Dent(shape, *view.place(x, y), depth_mm, sigma_mm, length_mm),)
-        for shape, x, y, depth_mm, sigma_mm, length_mm in PRESSES
-    ]
+    presses = [(_dent(view, *press),) for press in PRESSES]
     taken, holds = followed(rig, rig, presses)
     errors = []
     for at_ns, dents in zip(holds, presses, strict=True):

@@ -1,9 +1,10 @@
 """Steep presses that no picture can null: what a burst of coded pictures reads there, against exact rays.
 
-Gaussians of sigma 0.8 to 2 mm, so deep that the carrier is too fine for the LCD or the mirror folds, from one
-frame to the next, anywhere in the middle half of the camera's view; 1.5 s each. Every pixel that a burst read
-is held against where it truly looks: a wrong order is 3 LCD px off and more. Nodes and the peak of the last
-frame are held against their sigma, and the residual of all other nodes against that before the press.
+Loads as curved as Gaussians of sigma 0.8 to 2 mm, so deep that the carrier is too fine for the LCD or the
+mirror folds, from one frame to the next, anywhere in the middle half of the camera's view; 1.5 s each. Every
+pixel that a burst read is held against where it truly looks: a wrong order is 3 LCD px off and more. Nodes
+and the peak of the last frame are held against their sigma, and the residual of all other nodes against that
+before the press.
 """
 
 from __future__ import annotations
@@ -15,7 +16,8 @@ import click
 import numpy as np
 
 from benchmarks.honesty import deviation
-from benchmarks.peaks import LEVER_MM, RING_CURVATURE, middle_of_the_view
+from benchmarks.pads import HOLLOW, pad
+from benchmarks.peaks import LEVER_MM, middle_of_the_view
 from benchmarks.report import Figure, Report, benchmark, figure, start
 from benchmarks.rigs import VIEW_MIDDLE_MM, changed
 from benchmarks.salt import generator, salt_option, seed
@@ -31,7 +33,7 @@ from zeromethod.rig.load import load_rig
 from zeromethod.session.session import Session
 from zeromethod.simulation.camera import SimulatedCamera
 from zeromethod.simulation.path import PathPoint, PressPath
-from zeromethod.simulation.press import Dent, Shape
+from zeromethod.simulation.press import Dent
 from zeromethod.simulation.scenario import Scenario
 from zeromethod.view.progress import progress
 
@@ -41,7 +43,7 @@ PRESS_AT, LAST = 8, 110
 
 SIZES_MM = 0.8, 2.0
 OF_FOLD = 0.6, 2.0
-"""Depth over that at which the ring around a Gaussian begins to fold."""
+"""Depth over that at which the ring around a load begins to fold."""
 
 WRONG_LCD_PX, PERCENT = 1.5, 1.0
 MOST_RESIDUAL = 1.1
@@ -72,9 +74,9 @@ class Outcome:
 def pressed(draw: np.random.Generator) -> Dent:
     """A press that cannot be nulled whole."""
     size_mm = float(draw.uniform(*SIZES_MM))
-    folds_mm = size_mm**2 / (RING_CURVATURE * LEVER_MM)
+    folds_mm = size_mm**2 / (HOLLOW * LEVER_MM)
     x, y = VIEW_MIDDLE_MM + float(draw.uniform(-6.0, 6.0)), float(draw.uniform(-4.0, 4.0))
-    return Dent(Shape.GAUSSIAN, x, y, float(draw.uniform(*OF_FOLD)) * folds_mm, size_mm)
+    return pad(x, y, float(draw.uniform(*OF_FOLD)) * folds_mm, size_mm)
 
 
 def judged(number: int) -> Outcome:

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from benchmarks.calibration_benches import View
+from benchmarks.pads import STEEPEST, pad
 from zeromethod.optics import Dented, Optics
 from zeromethod.rig.model import Rig
 from zeromethod.simulation.press import Dent, Mirror, Shape
@@ -16,7 +17,7 @@ from zeromethod.warp.jacobian import warp_flags
 from zeromethod.warp.validity import Flag
 
 NARROWEST_MM = 4.0
-"""Sigma of the narrowest pad: 2.4 nodes of a bench with four times larger pixels, as 1 mm is at full size."""
+"""Sigma of the narrowest: 2.4 nodes of a bench with four times larger pixels, as 1 mm is at full size."""
 MOST_SLOPE, DEEPEST_MM = 0.012, 0.3
 _STEP_PX = 2
 """Distance of the rays: next to the rim of a ball's contact the mirror bends within less than a node."""
@@ -28,12 +29,12 @@ def any_press(view: View, draw: np.random.Generator) -> tuple[Dent, ...]:
     """A press as hands make them: narrow or far wider than the view, its middle out of view, too."""
     x, y = view.place(float(draw.uniform(-0.15, 1.15)), float(draw.uniform(-0.15, 1.15)))
     size_mm = float(np.exp(draw.uniform(np.log(NARROWEST_MM), np.log(40.0))))
-    depth_mm = min(MOST_SLOPE * draw.uniform(0.1, 1.0) * size_mm * np.exp(0.5), DEEPEST_MM)
+    depth_mm = min(MOST_SLOPE * draw.uniform(0.1, 1.0) * size_mm / STEEPEST, DEEPEST_MM)
     if draw.uniform() < 0.2:
         contact_mm = float(draw.uniform(4.0, 8.0))
         depth_mm = min(depth_mm, 0.1)
         return (Dent(Shape.BALL, x, y, depth_mm, contact_mm**2 / depth_mm),)
-    return (Dent(Shape.GAUSSIAN, x, y, depth_mm, size_mm),)
+    return (pad(x, y, depth_mm, size_mm),)
 
 
 def can_be_nulled(rig: Rig, dents: Sequence[Dent]) -> bool:

@@ -1,7 +1,7 @@
 """Whether a wrong number is ever called good: planted faults next to honest presses, on simulated benches.
 
 The packaged bench with four times larger pixels; rig file and bench may differ, as a stranger's do. Honest
-runs press pads of sigma 4 to 40 mm (2.4 nodes and more) and balls, all over the view and beyond, on a bench
+runs press loads of sigma 4 to 40 mm (2.4 nodes and more) and balls, all over the view and beyond, on a bench
 that is as its rig file says and, as often, on four calibrated by this program. What folds or is too fine for
 the LCD by the exact rays need not be good, but true and not named. Faulty ones turn the camera or slide the
 LCD in mid-run, at rest and under a press, at once or slowly, or believe a geometry that is off by 0.1 to 5
@@ -39,6 +39,7 @@ from benchmarks.calibration_study import KNOWN_MM
 from benchmarks.fault_tour import LIGHTS
 from benchmarks.hand_presses import any_press, can_be_nulled, shallow_enough
 from benchmarks.interactive import bench as interactive_bench
+from benchmarks.pads import pad
 from benchmarks.parts import Parts, part_options
 from benchmarks.report import Figure, Report, benchmark, figure, start
 from benchmarks.rigs import changed, coarser
@@ -60,7 +61,7 @@ from zeromethod.rig.model import Rig
 from zeromethod.session.session import Session
 from zeromethod.simulation.camera import SimulatedCamera
 from zeromethod.simulation.path import PathPoint, PressPath
-from zeromethod.simulation.press import Dent, Shape
+from zeromethod.simulation.press import Dent
 from zeromethod.simulation.scenario import Scenario
 from zeromethod.surface import Peak, Surface
 
@@ -154,7 +155,7 @@ def honest(benches: Sequence[tuple[Rig, int | None]], count: int) -> Iterator[Ca
 def middle_press(bench: Rig) -> Dent:
     """A press in the middle of the view, as deep as the bench nulls within the frames before a fault."""
     depth_mm = 0.15 if bench.prism.teeth is None else 0.05
-    return Dent(Shape.GAUSSIAN, *View(bench).place(0.5, 0.5), depth_mm, 5.0)
+    return pad(*View(bench).place(0.5, 0.5), depth_mm, 5.0)
 
 
 def turned_by_a_pixel_deg(bench: Rig) -> float:
@@ -219,9 +220,7 @@ def calibrated(folder: Path, number: int) -> Rig:
         return Rig.model_validate_json(kept.read_text())
     given, bench = nominal(), bench_of(number)
     view = View(bench)
-    known = [
-        Dent(Shape.GAUSSIAN, *view.place(share, 0.5), KNOWN_MM, KNOWN_SIGMA_MM) for share in KNOWN_SHARES
-    ]
+    known = [pad(*view.place(share, 0.5), KNOWN_MM, KNOWN_SIGMA_MM) for share in KNOWN_SHARES]
     recorded, found, _ = recorded_of(given, bench, known, (KNOWN_MM,) * len(known))
     rest_map = folder / f"rest{number}.npz"
     found.rest_map.save(rest_map)

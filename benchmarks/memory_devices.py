@@ -21,6 +21,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.pads import pad
 from zeromethod.arrays import Float, Mask
 from zeromethod.clock import Clock, HostClock
 from zeromethod.devices.protocols import Frame
@@ -33,7 +34,7 @@ from zeromethod.pattern.coded import Coded
 from zeromethod.pattern.strips import CODES
 from zeromethod.rig.model import Rig
 from zeromethod.simulation.gpu import GpuRenderer
-from zeromethod.simulation.press import Dent, Mirror, Shape
+from zeromethod.simulation.press import Mirror
 from zeromethod.simulation.renderer import Piece
 from zeromethod.warp.rest import Rest
 from zeromethod.warp.warp import Warp
@@ -68,7 +69,7 @@ PICTURES = 8
 def _mirror(state: int) -> Mirror:
     depth_mm = DEPTHS_MM[min(state, len(DEPTHS_MM) - 1)]
     away_mm = (0.0, *SLIDE_MM)[max(0, state - len(DEPTHS_MM) + 1)]
-    return Mirror((Dent(Shape.GAUSSIAN, AT_MM + away_mm, 0.0, depth_mm, SIGMA_MM),))
+    return Mirror((pad(AT_MM + away_mm, 0.0, depth_mm, SIGMA_MM),))
 
 
 class Prepared:

@@ -6,6 +6,7 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from math import sqrt
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from zeromethod.optics import Dented, DepthField, Optics
 from zeromethod.rig.binning import binned
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
+from zeromethod.simulation.scenario import Scenario
 from zeromethod.surface.comparison import TruthSource, usable_nodes
 
 VIEW_MIDDLE_MM = 42.0
@@ -62,15 +64,26 @@ def pressed(
     path: list[tuple[float, float]],
     sigma_mm: float = 5.0,
     at_mm: tuple[float, float] = (VIEW_MIDDLE_MM, 0.0),
+    shape: str = "gaussian",
 ) -> Iterator[Rig]:
-    """Rig under a Gaussian press that follows (time s, depth mm) points; equal times are a jump."""
+    """Rig under a load that follows (time s, depth mm) points; equal times are a jump.
+
+    sigma_mm, shape: as `pressing` has them.
+    """
     x_mm, y_mm = at_mm
     points = ",".join(f"{{time_s={t!r},x_mm={x_mm!r},y_mm={y_mm!r},depth_mm={depth!r}}}" for t, depth in path)
-    text = f'[[press]]\nshape="gaussian"\nsigma_mm={sigma_mm!r}\npath=[{points}]\n'
+    text = f"[[press]]\n{pressing(sigma_mm, shape)}\npath=[{points}]\n"
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "press.toml"
         file.write_text(text)
         yield rig.model_copy(update={"scenario": str(file)})
+
+
+def pressing(sigma_mm: float, shape: str = "gaussian") -> str:
+    """Shape and size of loads in a press file, or of "gaussian", the dent that is as curved in its middle."""
+    if shape == "gaussian":
+        return f'shape="gaussian"\nsigma_mm={sigma_mm!r}'
+    return f'shape="{shape}"\nwidth_mm={sigma_mm / sqrt(2)!r}'
 
 
 def step_path(time_s: float, depth_mm: float = 0.2) -> list[tuple[float, float]]:
@@ -97,14 +110,15 @@ class Bench:
 
 
 @contextmanager
-def opened(rig: Rig, true_rig: Rig | None = None) -> Iterator[Bench]:
+def opened(rig: Rig, true_rig: Rig | None = None, scenario: Scenario | None = None) -> Iterator[Bench]:
     """Open the rig's simulated devices for a loop over them; closed at the end.
 
-    true_rig: what the bench truly is, where the rig that the loop has is wrong.
+    true_rig: what the bench truly is, where the rig that the loop has is wrong. scenario: in place of its.
     """
     optics = Optics(rig)
     with open_devices(true_rig or rig) as devices:
         camera: Any = devices.camera
+        camera.scenario = scenario or camera.scenario
         reopen = devices.reopen_camera
         loop = Loop(rig, camera, devices.display, devices.clock, reopen_camera=reopen, optics=optics)
         # bound to the scenario, as the camera itself may be opened again

@@ -1,6 +1,6 @@
 """Whatever may come: random scenarios, and whether what is called good is within three of its own sigma.
 
-One to three presses at once, each a soft dent (pad, ball, straight edge) or a hard object in elastic contact
+One to three presses at once, each a soft one (load, ball, rod) or a hard object in elastic contact
 (ball, punch, cone, rod, finger), 1 um to 1 mm deep, black, grey or white; there at once, or let down over
 some frames, and some slide. Half of the benches have their prism's rubber bonded to its two lower faces, the
 others are half-spaces. Noise of 1 to 4 grey levels; on half of them dust, scratches and bubbles. The packaged
@@ -21,6 +21,7 @@ import click
 import numpy as np
 
 from benchmarks.calibration_benches import View
+from benchmarks.pads import bar, pad
 from benchmarks.parts import Parts, part_options
 from benchmarks.report import Figure, Report, benchmark, figure, start
 from benchmarks.rigs import small_rig
@@ -112,19 +113,11 @@ def _solid(draw: np.random.Generator) -> Solid:
 def _dent(draw: np.random.Generator, x_mm: float, y_mm: float, depth_mm: float) -> Dent:
     kind = int(draw.integers(3))
     if kind == 0:
-        return Dent(Shape.GAUSSIAN, x_mm, y_mm, depth_mm, _size(draw, 2.0, 15.0))
+        return pad(x_mm, y_mm, depth_mm, _size(draw, 2.0, 15.0))
     if kind == 1:
         return Dent(Shape.BALL, x_mm, y_mm, depth_mm, _size(draw, 1.0, 6.0) ** 2 / depth_mm)
     angle = float(draw.uniform(0.0, 180.0))
-    return Dent(
-        Shape.EDGE,
-        x_mm,
-        y_mm,
-        depth_mm,
-        _size(draw, 2.0, 6.0),
-        float(draw.uniform(4.0, 12.0)),
-        angle_deg=angle,
-    )
+    return bar(x_mm, y_mm, depth_mm, _size(draw, 2.0, 6.0), float(draw.uniform(4.0, 12.0)), angle)
 
 
 def _course(

@@ -12,12 +12,13 @@ know that to 3.5 %, so a sigma that is exact has 99 % of the nodes within 0.91 t
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from benchmarks.pads import pad
 from benchmarks.report import Figure, Report, benchmark, start
 from benchmarks.rigs import VIEW_MIDDLE_MM, changed, small_rig
 from zeromethod.arrays import Float, Single
@@ -32,7 +33,7 @@ from zeromethod.rig.model import Rig
 from zeromethod.sensing import ResidualSensor
 from zeromethod.simulation.numpy_renderer import NumpyRenderer
 from zeromethod.simulation.panel import Presentation, SimulatedPanel
-from zeromethod.simulation.press import Dent, Mirror, Shape
+from zeromethod.simulation.press import Mirror
 from zeromethod.simulation.renderer import Piece
 from zeromethod.simulation.sensor import Sensor
 from zeromethod.surface import DepthCovariance, Surface, SurfaceReader
@@ -49,7 +50,7 @@ COVARIANCE_EVERY = 20
 """Draws from one whose full covariance is kept to the next."""
 WORDS = ("residual", "warp", "slope", "depth")
 MEDIAN, MOST, SHARE, VALID = (0.9, 1.1), (0.8, 1.2), 0.99, 0.95
-PRESS = Dent(Shape.GAUSSIAN, VIEW_MIDDLE_MM, 0.0, 0.2, 5.0)
+PRESS = pad(VIEW_MIDDLE_MM, 0.0, 0.2, 5.0)
 REST = Mirror()
 
 
@@ -184,7 +185,7 @@ class Bench:
         """Mirror under the default press of that depth."""
         if not press_mm:
             return REST
-        return Mirror((Dent(PRESS.shape, PRESS.x_mm, PRESS.y_mm, press_mm, PRESS.size_mm),))
+        return Mirror((replace(PRESS, depth_mm=press_mm),))
 
     def warp(self, press_mm: float) -> Float:
         """Where the nodes look, finite everywhere."""

@@ -20,7 +20,7 @@ import numpy as np
 
 from benchmarks.anchors import View
 from benchmarks.calibration_study import BINNING, Truth
-from benchmarks.dents import Planted, gauss
+from benchmarks.pads import pad
 from benchmarks.parts import Parts, part_options
 from benchmarks.report import Figure, Report, benchmark, figure, start
 from benchmarks.salt import generator, salt_option
@@ -43,7 +43,7 @@ from zeromethod.design.seams import seam_figures
 from zeromethod.optics import Dented
 from zeromethod.rig.binning import binned
 from zeromethod.rig.load import load_rig
-from zeromethod.simulation.press import Dent, Mirror, Shape
+from zeromethod.simulation.press import Mirror
 from zeromethod.surface import Surface, peak
 from zeromethod.view.progress import progress
 from zeromethod.warp.validity import Flag
@@ -95,7 +95,7 @@ def readings(draws: int) -> list[Reading]:
     """All dents, each with so many frames' noise."""
     view = View(load_rig("thin"))
     rng = generator(20)
-    middle = view.reader.read(view.warp(Planted(gauss, 1e-4, 41.0, 0.0, 2.0)))
+    middle = view.reader.read(view.warp(Mirror((pad(41.0, 0.0, 1e-4, 2.0),))))
     seam = seams_of(middle)[1]
     at_mm = float(middle.x_mm[middle.x_mm.shape[0] // 2, seam].mean())
     found = []
@@ -106,14 +106,14 @@ def readings(draws: int) -> list[Reading]:
             for off_mm in OFF_SEAM_MM:
                 for _ in range(draws):
                     y_mm = float(rng.uniform(-5.0, 5.0))
-                    dent = Planted(gauss, depth_mm, at_mm + off_mm, y_mm, sigma_mm)
+                    dent = Mirror((pad(at_mm + off_mm, y_mm, depth_mm, sigma_mm),))
                     found.append(_read(view, dent, depth_mm, sigma_mm, off_mm, rng))
                     advance("thin")
     return found
 
 
 def _read(
-    view: View, dent: Planted, depth_mm: float, sigma_mm: float, off_mm: float, rng: np.random.Generator
+    view: View, dent: Mirror, depth_mm: float, sigma_mm: float, off_mm: float, rng: np.random.Generator
 ) -> Reading:
     warp = view.warp(dent, rng)
     clean = view.reader.read(warp)
@@ -173,7 +173,7 @@ def _other(bench: Truth, rng: np.random.Generator) -> KnownPress:
     """Any other press, as its exact depth knows it."""
     place, sigma_mm = bench.place(rng.uniform(0.2, 0.8), rng.uniform(0.3, 0.7)), rng.uniform(2.0, 6.0)
     depth_mm = rng.uniform(0.1, 0.25) * FOLD_MM_5 * (sigma_mm / 5.0) ** 2
-    warp = bench.warp(Mirror((Dent(Shape.GAUSSIAN, *place, depth_mm, sigma_mm),)))
+    warp = bench.warp(Mirror((pad(*place, depth_mm, sigma_mm),)))
     return KnownPress("other", warp, depth_mm, depth_mm)
 
 

@@ -78,13 +78,40 @@ void height_map(vec2 at, vec4 place, vec4 turn, sampler2D coefficients, float fi
     }
 }
 
-// Share of the reflection left where the object touches; 1 elsewhere. touch = (contact, reflectance).
-float round_touch(vec2 at, vec4 place, vec2 touch) {
+// Round about its middle: d0 u D(u), slope over r = d0 / s^2 u^3 G(u), u = 1 / sqrt(1 + r^2 / s^2).
+// place = (x, y, d0, 1 / s^2), shape.x: places from u = 0 to 1, less one; splines of D and, a row below, of G
+void radial(vec2 at, vec4 place, vec4 shape, sampler2D tables, float first_row, inout vec3 field) {
+    vec2 r = at - place.xy;
+    float u2 = 1.0 / (1.0 + dot(r, r) * place.w);
+    float u = sqrt(u2), to = u * shape.x, cell = min(floor(to), shape.x - 1.0);
+    ivec2 corner = ivec2(int(cell), int(first_row));
+    vec2 pitch = pitch_of(tables);
+    vec4 weights = spline_values(to - cell);
+    float depth = place.z * u * dot(four_texels(tables, corner, pitch), weights);
+    float over_r = place.z * place.w * u * u2 * dot(four_texels(tables, corner + ivec2(0, 1), pitch), weights);
+    field += vec3(depth, over_r * r);
+}
+
+// A map even in x / sqrt(size^2 + x^2). place = (x, y, d0, 1 / size), turn = (cos, sin, columns, rows), first row in the texture
+void whole_plane(vec2 at, vec4 place, vec4 turn, sampler2D coefficients, float first_row, inout vec3 field) {
+    vec2 r = (at - place.xy) * place.w;
+    vec2 to = vec2(dot(r, turn.xy), turn.x * r.y - turn.y * r.x);
+    vec2 near = inversesqrt(1.0 + to * to), half_size = 0.5 * (turn.zw - 1.0);
+    vec2 sample_at = half_size * (1.0 + to * near);
+    if (all(greaterThanEqual(sample_at, vec2(1.0))) && all(lessThan(sample_at, turn.zw - 2.0))) {
+        vec3 value = place.z * spline(coefficients, int(first_row), floor(sample_at), fract(sample_at));
+        vec2 slope = value.yz * half_size * near * near * near * place.w;
+        field += vec3(value.x, slope.x * turn.xy + slope.y * vec2(-turn.y, turn.x));
+    }
+}
+
+// Share of the reflection left where the object touches; 1 elsewhere. touch = (contact, reflectance, , half a line's length).
+float round_touch(vec2 at, vec4 place, vec4 touch) {
     return distance(at, place.xy) < touch.x ? touch.y : 1.0;
 }
 
-float straight_touch(vec2 at, vec4 place, vec4 turn, vec2 touch) {
+float straight_touch(vec2 at, vec4 place, vec4 turn, vec4 touch) {
     vec2 r = at - place.xy;
-    bool covered = abs(turn.x * r.y - turn.y * r.x) < touch.x && abs(dot(r, turn.xy)) < turn.z;
+    bool covered = abs(turn.x * r.y - turn.y * r.x) < touch.x && abs(dot(r, turn.xy)) < touch.w;
     return covered ? touch.y : 1.0;
 }

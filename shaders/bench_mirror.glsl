@@ -5,7 +5,7 @@
 // The program is made for the shapes of one mirror: DENTS of them (at least 1), REST 0 flat, 1 sphere, 2 map, 3 cylinder.
 uniform vec4 dent_place[DENTS];
 uniform vec4 dent_shape[DENTS];
-uniform vec4 dent_more[DENTS];  // contact mm, touch reflectance, first row of the map
+uniform vec4 dent_more[DENTS];  // contact mm, touch reflectance, first row of the map, half a line's length mm
 uniform sampler2D dent_maps;
 
 #if REST == 2

@@ -1,10 +1,11 @@
 """From slopes to depth: this system's integrator and two solvers in closed form.
 
-A Gaussian press is planted; every method gets its exact slopes at the nodes, and then the same with white
-noise. Cases: nodes on a regular lattice; the nodes of the packaged rig, which perspective spreads
-irregularly over the mirror; and those with a hole and without the corners. The peers integrate derivatives
-per node; on irregular nodes they are given slope times the nodes' spacing (second-order differences of
-the coordinates), and where the mask has no slope, 0, as neither can leave a node out.
+A Gaussian dent is planted: a formula, of which nothing lies beyond the view, as the peers need it. Every
+method gets its exact slopes at the nodes, and then the same with white noise. Cases: nodes on a regular
+lattice; the nodes of the packaged rig, which perspective spreads irregularly over the mirror; and those with
+a hole and without the corners. The peers integrate derivatives per node; on irregular nodes they are given
+slope times the nodes' spacing (second-order differences of the coordinates), and where the mask has no slope,
+0, as neither can leave a node out.
 """
 
 from __future__ import annotations

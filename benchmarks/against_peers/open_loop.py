@@ -46,6 +46,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.pads import pad
 from benchmarks.rigs import coarser
 from zeromethod.arrays import Float
 from zeromethod.clock import SimulatedClock
@@ -63,7 +64,7 @@ from zeromethod.sensing.sensor import ResidualSensor, Sensor
 from zeromethod.simulation.camera import SimulatedCamera
 from zeromethod.simulation.display import SimulatedDisplay
 from zeromethod.simulation.path import PathPoint, PressPath
-from zeromethod.simulation.press import Dent, Mirror, Shape
+from zeromethod.simulation.press import Mirror
 from zeromethod.simulation.scenario import Scenario
 from zeromethod.surface import SurfaceReader
 from zeromethod.surface.comparison import AT_REST, Comparison, compare
@@ -142,7 +143,7 @@ def compare_open_loop(
     return {
         "rig": believed.name,
         "binning": binning,
-        "press": {"shape": "gaussian", "sigma_mm": SIGMA_MM, "x_mm": PRESS_MM[0], "y_mm": PRESS_MM[1]},
+        "press": {"shape": "load", "sigma_mm": SIGMA_MM, "x_mm": PRESS_MM[0], "y_mm": PRESS_MM[1]},
         "frames": FRAMES,
         "seed": believed.simulation.seed,
         "error": ERROR,
@@ -234,8 +235,8 @@ class _Staircase:
         points = []
         for (before, after), end_ns in zip(pairwise(self.levels), self._ends_ns, strict=False):
             points += [PathPoint(end_ns, *PRESS_MM, depth) for depth in (before, after)]
-        pad = Dent(Shape.GAUSSIAN, *PRESS_MM, 0.0, SIGMA_MM)
-        return Scenario("staircase", (PressPath(pad, tuple(points)),), 1e-9 * self._ends_ns[-1])
+        path = PressPath(pad(*PRESS_MM, 0.0, SIGMA_MM), tuple(points))
+        return Scenario("staircase", (path,), 1e-9 * self._ends_ns[-1])
 
     def readings(self, advance: Callable[[], None]) -> Iterator[_Reading]:
         """One reading per level, from the last frames in it that can be read."""

@@ -22,6 +22,7 @@ from benchmarks.against_peers.frames import PERIOD_PX, SIGMA_GREY, repeated
 from benchmarks.against_peers.integration import INTEGRATORS, Task
 from benchmarks.against_peers.methods import CONTENDERS, Contender
 from benchmarks.anchors import View
+from benchmarks.pads import pad
 from zeromethod.rig.load import load_rig
 from zeromethod.simulation.press import Dent, Mirror, Shape
 from zeromethod.surface import peak
@@ -98,7 +99,7 @@ def reading_job(shape: Size) -> Job:
     }
     view = View(load_rig("simulated").model_copy(update={"camera": camera.model_copy(update=scale)}))
     middle = 0.5 * (view.seen.min(axis=0) + view.seen.max(axis=0))
-    press = Mirror((Dent(Shape.GAUSSIAN, float(middle[0]), float(middle[1]), 0.2, 5.0),))
+    press = Mirror((pad(float(middle[0]), float(middle[1]), 0.2, 5.0),))
     draw = np.random.default_rng(0)
     warps = cycle([view.warp(press, draw) for _ in range(2)])
 

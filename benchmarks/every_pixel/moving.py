@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.every_pixel.scenes import PRESS_S, bench_rig
-from benchmarks.rigs import VIEW_MIDDLE_MM, opened
+from benchmarks.rigs import VIEW_MIDDLE_MM, opened, pressing
 from zeromethod.arrays import Float
 from zeromethod.devices.protocols import TrueMirror
 from zeromethod.fine.frames import FineFrame
@@ -39,7 +39,7 @@ def sliding(rig: Rig, mm_per_s: float) -> Iterator[Rig]:
     path = ",".join(f"{{time_s={t},x_mm={x},y_mm=0.0,depth_mm={depth}}}" for t, x, depth in places)
     with tempfile.TemporaryDirectory() as folder:
         press = Path(folder) / "pad.toml"
-        press.write_text(f'[[press]]\nshape="gaussian"\nsigma_mm={_SIGMA_MM}\npath=[{path}]\n')
+        press.write_text(f"[[press]]\n{pressing(_SIGMA_MM)}\npath=[{path}]\n")
         yield rig.model_copy(update={"scenario": str(press)})
 
 

@@ -24,6 +24,7 @@ from benchmarks.every_pixel.scenes import (
     wave_height,
     waved,
 )
+from benchmarks.pads import pad as soft
 from benchmarks.process_use import memory_mb, spent_ms
 from benchmarks.rigs import changed, opened, pressed
 from benchmarks.salt import generator
@@ -36,6 +37,7 @@ from zeromethod.optics import Optics
 from zeromethod.rig.load import load_rig
 from zeromethod.session.fine import STEP, FineReadings, frame_of, with_moving_target
 from zeromethod.session.zero_doubt import ZeroDoubt
+from zeromethod.simulation.press import Mirror
 from zeromethod.surface import SurfaceReader, peak
 
 Found = dict[str, float]
@@ -140,10 +142,9 @@ def pressed_sigmas(surface: FineSurface, x_mm: float, y_mm: float) -> float:
         )
         return np.asarray(cut.mean(axis=(1, 3)))
 
-    x, y = mean(surface.x_mm) - x_mm, mean(surface.y_mm) - y_mm
-    pad = np.exp(-0.5 * (x**2 + y**2) / PAD_SIGMA_MM**2) / PAD_SIGMA_MM**2
+    by_x, by_y = Mirror((soft(x_mm, y_mm, 1.0, PAD_SIGMA_MM),)).slope(mean(surface.x_mm), mean(surface.y_mm))
     normal, right = np.zeros((3, 3)), np.zeros(3)
-    for axis, shape in ((0, -x * pad), (1, -y * pad)):
+    for axis, shape in enumerate((by_x, by_y)):
         slope, variance = (
             mean(surface.slope[..., axis]),
             mean(surface.sigma_slope[..., axis] ** 2) / _BLOCK_PX**2,

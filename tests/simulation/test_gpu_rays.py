@@ -11,7 +11,9 @@ from small_rigs import quarter, with_tables
 from zeromethod.optics import Dented, Optics, Trace
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Layer, RestSurface, Rig
+from zeromethod.rig.tables import Rubber
 from zeromethod.simulation.gpu import GpuRenderer
+from zeromethod.simulation.loads import Form, Load, load, ring, rough
 from zeromethod.simulation.press import Dent, Mirror, Shape
 
 # float32 coordinates of up to 40 mm carry 2e-6 mm, 4e-5 px of 0.063 mm each; a dozen of them add up.
@@ -32,6 +34,14 @@ def _bump(rows: int = 17, cols: int = 25) -> NDArray[np.float64]:
 
 MAP = Dent(Shape.MAP, 37.0, 1.0, 0.15, 0.8, angle_deg=20.0, map=_bump())
 SMALL_MAP = Dent(Shape.MAP, 44.0, -4.0, 0.05, 0.6, map=_bump(11, 9))
+
+LAYER = Rubber(support="bonded", thickness_mm=7.0)
+LOAD = load(38.0, 1.0, 0.2, 3.54)
+SMALL_LOAD = load(37.0, 0.5, 0.004, 0.5)
+ON_LAYER = load(38.0, 1.0, 0.1, 3.54, LAYER)
+RING = ring(38.0, 1.0, 0.1, 6.0, 1.5, LAYER)
+ROD = Load(Form.ROD, 1.5, length_mm=12.0, angle_deg=30.0, contact_mm=0.5).dent(38.0, 0.0, 0.15)
+ROUGH = rough(40.0, 1.0, 0.1, 8.0, 2.0, 3)
 
 
 def _compare(rig: Rig, mirror: Mirror, context: moderngl.Context) -> tuple[Trace, NDArray[np.bool_]]:
@@ -61,9 +71,12 @@ def _compare(rig: Rig, mirror: Mirror, context: moderngl.Context) -> tuple[Trace
 
 @pytest.mark.parametrize(
     "dents",
-    [(), (GAUSSIAN,), (BALL,), (CONE,), (EDGE,), (MAP,), (GAUSSIAN, BALL, BULGE, MAP, SMALL_MAP)],
+    [
+        (), (GAUSSIAN,), (BALL,), (CONE,), (EDGE,), (MAP,), (GAUSSIAN, BALL, BULGE, MAP, SMALL_MAP),
+        (LOAD,), (ON_LAYER,), (RING,), (ROD,), (ROUGH,), (SMALL_LOAD, ROD, MAP, RING),
+    ],
     ids=lambda dents: "+".join(dent.shape for dent in dents) or "rest",
-)
+)  # fmt: skip
 def test_every_dent_agrees_with_the_exact_rays(dents, gl_context):
     _, both = _compare(quarter(), Mirror(dents), gl_context)
     assert both.mean() > 0.9

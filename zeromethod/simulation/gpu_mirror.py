@@ -6,8 +6,6 @@ from math import erf
 
 import moderngl
 import numpy as np
-import scipy
-from scipy.sparse import diags_array
 
 from zeromethod.arrays import Float
 from zeromethod.errors import InputError
@@ -15,17 +13,21 @@ from zeromethod.gl import float_texture
 from zeromethod.optics.mirror import rest_heights
 from zeromethod.rig.model import RestSurface
 from zeromethod.simulation.gpu_bench import Values
-from zeromethod.simulation.press import Dent, Mirror, Shape
+from zeromethod.simulation.press import SAMPLED, Dent, Mirror, Shape
+from zeromethod.simulation.spline import line_coefficients
 
+_SAMPLED = "at, dent_place[{i}], dent_shape[{i}], dent_maps, dent_more[{i}].z, field);"
 _FIELD = {
     Shape.GAUSSIAN: "gaussian(at, dent_place[{i}], field);",
     Shape.BALL: "ball(at, dent_place[{i}], dent_shape[{i}], field);",
     Shape.CONE: "cone(at, dent_place[{i}], dent_shape[{i}], field);",
     Shape.EDGE: "edge(at, dent_place[{i}], dent_shape[{i}], field);",
-    Shape.MAP: "height_map(at, dent_place[{i}], dent_shape[{i}], dent_maps, dent_more[{i}].z, field);",
+    Shape.MAP: f"height_map({_SAMPLED}",
+    Shape.RADIAL: f"radial({_SAMPLED}",
+    Shape.WHOLE_PLANE: f"whole_plane({_SAMPLED}",
 }
-_ROUND_TOUCH = "left = min(left, round_touch(at, dent_place[{i}], dent_more[{i}].xy));"
-_STRAIGHT_TOUCH = "left = min(left, straight_touch(at, dent_place[{i}], dent_shape[{i}], dent_more[{i}].xy));"
+_ROUND_TOUCH = "left = min(left, round_touch(at, dent_place[{i}], dent_more[{i}]));"
+_STRAIGHT_TOUCH = "left = min(left, straight_touch(at, dent_place[{i}], dent_shape[{i}], dent_more[{i}]));"
 
 
 def acting_dents(mirror: Mirror) -> tuple[Dent, ...]:
@@ -35,7 +37,7 @@ def acting_dents(mirror: Mirror) -> tuple[Dent, ...]:
 
 def mirror_defines(dents: tuple[Dent, ...]) -> dict[str, int | str]:
     """Constants of bench_mirror.glsl: one program serves all mirrors with the same shapes in a row."""
-    touches = [_STRAIGHT_TOUCH if d.shape is Shape.EDGE else _ROUND_TOUCH for d in dents]
+    touches = [_STRAIGHT_TOUCH if d.length_mm else _ROUND_TOUCH for d in dents]
     return {
         "DENTS": max(len(dents), 1),
         "EACH_DENT": " ".join(_FIELD[dent.shape].format(i=i) for i, dent in enumerate(dents)),
@@ -47,7 +49,12 @@ def _numbers(dent: Dent, first_row: int) -> tuple[list[float], list[float], list
     """(w of dent_place after x, y, depth; dent_shape; dent_more) as the functions of bench_dents.glsl say."""
     size, depth = dent.size_mm, dent.depth_mm
     turn = [float(np.cos(np.radians(dent.angle_deg))), float(np.sin(np.radians(dent.angle_deg)))]
-    more = [dent.contact_mm if dent.touches else -1.0, dent.touch_reflectance, float(first_row), 0.0]
+    more = [
+        dent.contact_mm if dent.touches else -1.0,
+        dent.touch_reflectance,
+        float(first_row),
+        0.5 * dent.length_mm,
+    ]
     if dent.shape is Shape.GAUSSIAN:
         return [0.5 / size**2], [0.0] * 4, more
     if dent.shape is Shape.BALL:
@@ -60,6 +67,8 @@ def _numbers(dent: Dent, first_row: int) -> tuple[list[float], list[float], list
         scale = 0.5 * depth / erf(0.5 * dent.length_mm * steepness)
         return [steepness], [*turn, 0.5 * dent.length_mm, scale], more
     rows, cols = _coefficients(dent).shape
+    if dent.shape is Shape.RADIAL:
+        return [1.0 / size**2], [float(cols - 3), 0.0, 0.0, 0.0], more
     return [1.0 / size], [*turn, float(cols), float(rows)], more
 
 
@@ -78,13 +87,13 @@ def mirror_values(dents: tuple[Dent, ...], middle_mm: Float) -> Values:
         place.append([dent.x_mm - middle_mm[0], dent.y_mm - middle_mm[1], dent.depth_mm, *last])
         shape.append(of_shape)
         more.append(of_touch)
-        first_row += len(_coefficients(dent)) if dent.shape is Shape.MAP else 0
+        first_row += len(_coefficients(dent)) if dent.shape in SAMPLED else 0
     return {"dent_place": place, "dent_shape": shape, "dent_more": more} if dents else {}
 
 
 def map_texture(context: moderngl.Context, dents: tuple[Dent, ...]) -> moderngl.Texture | None:
-    """All maps' coefficients, one below the other; None where no dent is a map."""
-    blocks = [_coefficients(dent) for dent in dents if dent.shape is Shape.MAP]
+    """Coefficients of all maps and tables, one below the other; None where no dent has any."""
+    blocks = [_coefficients(dent) for dent in dents if dent.shape in SAMPLED]
     if not blocks:
         return None
     cols = max(block.shape[1] for block in blocks)
@@ -115,18 +124,4 @@ def rest_texture(context: moderngl.Context, rest: RestSurface) -> moderngl.Textu
     """B-spline coefficients of the rest surface's map; None where it has none. InputError if unreadable."""
     if rest.shape != "map":
         return None
-    return float_texture(context, _not_a_knot(_not_a_knot(rest_heights(rest)).T).T)
-
-
-def _not_a_knot(samples: Float) -> Float:
-    """Cubic B-spline coefficients (n + 2, ...) along the first axis through `samples` (n, ...).
-
-    The third derivative runs on through the second and the last but one sample.
-    """
-    n = len(samples)
-    matrix = diags_array([1 / 6, 4 / 6, 1 / 6], offsets=[-1, 0, 1], shape=(n + 2, n + 2)).tolil()
-    matrix[0, :5] = [1, -4, 6, -4, 1]
-    matrix[n + 1, n - 3 :] = [1, -4, 6, -4, 1]
-    ends = np.zeros((1, *samples.shape[1:]))
-    solved: Float = scipy.sparse.linalg.splu(matrix.tocsc()).solve(np.concatenate([ends, samples, ends]))
-    return solved
+    return float_texture(context, line_coefficients(line_coefficients(rest_heights(rest)).T).T)

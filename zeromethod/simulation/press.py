@@ -16,17 +16,28 @@ from zeromethod.arrays import Float, Mask
 from zeromethod.devices.protocols import TrueContact
 from zeromethod.simulation.cloth import Cloth
 from zeromethod.simulation.contact.touch import Touch, evanescent_mm
-from zeromethod.simulation.shapes import Field, ball, cone, edge, gaussian, height_map, spline_coefficients
+from zeromethod.simulation.shapes import Field, ball, cone, edge, gaussian, height_map, radial, whole_plane
+from zeromethod.simulation.spline import spline_coefficients
 
 
 class Shape(enum.StrEnum):
-    """Kinds of dent (formulas in `zeromethod.simulation.shapes`)."""
+    """Kinds of dent (formulas in `zeromethod.simulation.shapes`).
+
+    Gaussians and edges are formulas which no rubber makes; loads on it (`zeromethod.simulation.loads`) are
+    radial or maps of the whole plane.
+    """
 
     GAUSSIAN = "gaussian"
     BALL = "ball"
     CONE = "cone"
     EDGE = "edge"
     MAP = "map"
+    RADIAL = "radial"
+    WHOLE_PLANE = "whole_plane"
+
+
+SAMPLED = {Shape.MAP: height_map, Shape.RADIAL: radial, Shape.WHOLE_PLANE: whole_plane}
+"""Those that splines through samples describe."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,11 +45,12 @@ class Dent:
     """One press at one instant.
 
     depth_mm: at the peak, > 0 into the rubber, negative allowed. size_mm: gaussian sigma; ball radius R;
-    cone contact radius a; edge sigma of the cross profile; map pitch. length_mm: edge.
-    angle_deg: edge and map, from x towards y. contact_mm: radius (edge: half width) inside which the
-    object touches while depth_mm > 0, so that reflection falls to `touch_reflectance` of itself; 0 = a
-    dry pad that does not couple. map: (rows along y, cols along x) centred at (x_mm, y_mm), depth =
-    depth_mm x map, continued by zeros; `map_coefficients` are its `spline_coefficients`, filled in.
+    cone contact radius a; edge sigma of the cross profile; map pitch; radial and whole plane their scale.
+    length_mm: of the straight line that an edge or rod touches along. angle_deg: edge and maps, from x
+    towards y. contact_mm: radius (with a length: half width) inside which the object touches while depth_mm
+    > 0, so that reflection falls to `touch_reflectance` of itself; 0 = a dry pad that does not couple.
+    map: (rows along y, cols along x) centred at (x_mm, y_mm), depth = depth_mm x map, continued by zeros;
+    `map_coefficients` are its `spline_coefficients`, filled in; radial and whole plane have their own.
     Dents are equal when all numbers are equal and the map is the same object.
     """
 
@@ -103,15 +115,15 @@ class Dent:
         if self.shape is Shape.EDGE:
             return edge(along, across, self.depth_mm, self.size_mm, self.length_mm)
         if self.map_coefficients is None or self.map is None:
-            raise ValueError("a dent of shape 'map' needs a map")
-        return height_map(along, across, self.depth_mm, self.size_mm, self.map_coefficients)
+            raise ValueError(f"a dent of shape '{self.shape}' needs a map")
+        return SAMPLED[self.shape](along, across, self.depth_mm, self.size_mm, self.map_coefficients)
 
     def covers(self, x: Float, y: Float) -> Mask:
         """Where the object touches."""
         if not self.touches:
             return np.zeros(np.broadcast_shapes(x.shape, y.shape), dtype=np.bool_)
         along, across = self.local(x, y)
-        if self.shape is Shape.EDGE:
+        if self.length_mm:
             return (np.abs(across) < self.contact_mm) & (np.abs(along) < self.length_mm / 2)
         covered: Mask = along**2 + across**2 < self.contact_mm**2
         return covered

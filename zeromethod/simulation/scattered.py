@@ -14,7 +14,7 @@ from scipy.sparse import csr_array, diags_array, eye_array, kron
 
 from zeromethod.arrays import Float
 from zeromethod.errors import InputError
-from zeromethod.simulation.shapes import evaluate_spline, spline_weights
+from zeromethod.simulation.spline import evaluate_spline, spline_weights
 
 STIFFNESS = 1e-3
 """Small compared with the points, whose own square is about 1 per coefficient; `REFINEMENTS` gives back what

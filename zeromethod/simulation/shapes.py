@@ -8,17 +8,16 @@ Source of ball and cone: K. L. Johnson, Contact Mechanics, Cambridge 1985, secti
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.ndimage import spline_filter
 from scipy.special import erf
 
 from zeromethod.arrays import Float
+from zeromethod.simulation.spline import evaluate_line, evaluate_spline
 
 Field = tuple[Float, Float, Float]
 
 
 def gaussian(along: Float, across: Float, depth_mm: float, sigma_mm: float) -> Field:
-    """Soft pad: d = d0 exp(-r^2 / 2 sigma^2)."""
+    """Depth d0 exp(-r^2 / 2 sigma^2): a formula, which no pressure on rubber makes."""
     depth = depth_mm * np.exp(-(along**2 + across**2) / (2 * sigma_mm**2))
     return depth, -along / sigma_mm**2 * depth, -across / sigma_mm**2 * depth
 
@@ -64,7 +63,7 @@ def cone(along: Float, across: Float, depth_mm: float, contact_mm: float) -> Fie
 
 
 def edge(along: Float, across: Float, depth_mm: float, sigma_mm: float, length_mm: float) -> Field:
-    """Straight edge: Gaussian across, a box of `length_mm` blurred by the same sigma along; peak d0."""
+    """Gaussian across, a box of `length_mm` blurred by the same sigma along; peak d0. No rubber makes it."""
     scale = np.sqrt(2) * sigma_mm
     norm = depth_mm * 0.5 / erf(length_mm / (2 * scale))
     plus, minus = (along + length_mm / 2) / scale, (along - length_mm / 2) / scale
@@ -78,6 +77,7 @@ def height_map(along: Float, across: Float, depth_mm: float, pitch_mm: float, co
     """Interpolate a sampled map, centred, columns along and rows across; C2 spline, 0 beyond its border.
 
     `coefficients`: from `zeromethod.simulation.spline.spline_coefficients`.
+    Samples may be what no rubber makes.
     """
     rows, cols = coefficients.shape
     middle_row, middle_col = (rows - 1) / 2, (cols - 1) / 2
@@ -87,41 +87,26 @@ def height_map(along: Float, across: Float, depth_mm: float, pitch_mm: float, co
     return depth_mm * value, depth_mm / pitch_mm * d_col, depth_mm / pitch_mm * d_row
 
 
-MARGIN = 12
-"""Zeros put round the map; the spline's ringing falls by 0.268 per sample, so 1e-7 is left there."""
+def radial(along: Float, across: Float, depth_mm: float, size_mm: float, table: Float) -> Field:
+    """A dent round about its middle: d0 u D(u), u = 1 / sqrt(1 + r^2 / size^2), so that it reaches anywhere.
 
-
-def spline_coefficients(samples: NDArray[np.floating]) -> Float:
-    """B-spline coefficients (rows + 2 MARGIN, cols + 2 MARGIN) of `samples` continued by zeros.
-
-    The spline passes through every sample; sample (row, col) belongs to coefficient
-    (row + MARGIN, col + MARGIN). Source: Unser, Aldroubi, Eden 1993, doi:10.1109/78.193220.
+    table: (2, n + 2) `line_coefficients` of D and of G, with slope over r = d0 / size^2 u^3 G(u), at n places
+    from u = 0, infinitely far away, to 1.
     """
-    padded = np.pad(np.asarray(samples, dtype=np.float64), MARGIN)
-    return np.asarray(spline_filter(padded, order=3, mode="mirror"), dtype=np.float64)
+    u = 1 / np.sqrt(1 + (along**2 + across**2) / size_mm**2)
+    of_depth, of_slope = evaluate_line(table, u * (table.shape[1] - 3))
+    return _radial(along, across, depth_mm * u * of_depth, depth_mm / size_mm**2 * u**3 * of_slope)
 
 
-def spline_weights(t: Float) -> tuple[Float, Float]:
-    """(values, derivatives), each (..., 4): B-spline weights of the four samples round a point."""
-    s = 1.0 - t
-    values = np.stack((s**3 / 6, 2 / 3 - t**2 * (2 - t) / 2, 2 / 3 - s**2 * (2 - s) / 2, t**3 / 6), axis=-1)
-    slopes = np.stack((-(s**2) / 2, t * (1.5 * t - 2), s * (2 - 1.5 * s), t**2 / 2), axis=-1)
-    return values, slopes
+def whole_plane(along: Float, across: Float, depth_mm: float, size_mm: float, coefficients: Float) -> Field:
+    """Interpolate a map whose columns and rows lie evenly in w = x / sqrt(size^2 + x^2), -1 to 1.
 
-
-def evaluate_spline(coefficients: Float, row: Float, col: Float) -> tuple[Float, Float, Float]:
-    """(value, d/drow, d/dcol) at coefficient coordinates (sample + MARGIN); 0 beyond the padded map."""
-    rows, cols = coefficients.shape
-    row, col = np.broadcast_arrays(np.asarray(row, dtype=np.float64), np.asarray(col, dtype=np.float64))
-    inside = (row >= 1) & (row < rows - 2) & (col >= 1) & (col < cols - 2)
-    row, col = np.where(inside, row, 1.0), np.where(inside, col, 1.0)
-    i, j = np.floor(row).astype(np.intp), np.floor(col).astype(np.intp)
-    by_row, by_row_slope = spline_weights(row - i)
-    by_col, by_col_slope = spline_weights(col - j)
-    offsets = np.arange(-1, 3)
-    patch = coefficients[(i[..., None] + offsets)[..., :, None], (j[..., None] + offsets)[..., None, :]]
-    along = np.einsum("...ij,...j->...i", patch, by_col)
-    value = np.einsum("...i,...i->...", along, by_row)
-    d_row = np.einsum("...i,...i->...", along, by_row_slope)
-    d_col = np.einsum("...ij,...i,...j->...", patch, by_row, by_col_slope)
-    return np.where(inside, value, 0.0), np.where(inside, d_row, 0.0), np.where(inside, d_col, 0.0)
+    It is dense in its middle and reaches anywhere. coefficients: of `scipy.ndimage.spline_filter`.
+    """
+    at, by = [], []
+    for x, count in ((across, coefficients.shape[0]), (along, coefficients.shape[1])):
+        turn = 1 / np.sqrt(1 + (x / size_mm) ** 2)
+        at.append(0.5 * (count - 1) * (1 + x / size_mm * turn))
+        by.append(0.5 * (count - 1) * turn**3 * depth_mm / size_mm)
+    value, d_row, d_col = evaluate_spline(coefficients, *at)
+    return depth_mm * value, by[1] * d_col, by[0] * d_row

@@ -23,7 +23,7 @@ from zeromethod.simulation.contact.objects import Held
 from zeromethod.simulation.contact.patch import Patch, Presser
 from zeromethod.simulation.contact.touch import Touch, touch_of
 from zeromethod.simulation.press import Dent, Shape
-from zeromethod.simulation.shapes import MARGIN
+from zeromethod.simulation.spline import MARGIN
 
 WIDE_PITCH_MM = 0.25
 WIDE_MM = (90.0, 70.0)
