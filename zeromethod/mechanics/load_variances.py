@@ -13,7 +13,7 @@ import numpy as np
 from zeromethod.arrays import Float, Ints, Mask
 from zeromethod.mechanics.gaussian_load import Loads
 
-_COST = 2.0
+COST = 2.0
 """Nats that another load must gain besides: of neighbours in place and width some seven look nearly alike."""
 _GAIN = 0.1
 """Nats below which a change is not worth its time."""
@@ -46,7 +46,7 @@ def learned_variances(phi: Float, data: Float, loads: Loads, start: Float | None
         pulls_freely = pressed_by @ means * loads.width_mm < -q / s
         wanted = np.where(pulls_freely, 0.0, np.maximum((q**2 - s) / s**2, 0.0))
         wanted[used] = 0.0
-        more = _apart(phi, own, _evidence(wanted, s, q) - _COST)
+        more = _apart(phi, own, _evidence(wanted, s, q) - COST)
         if not len(more) and changed < _GAIN:
             break
         gamma[more] = wanted[more]
@@ -89,7 +89,7 @@ def _estimate_again(gamma: Float, products: Float, met: Float, used: Ints, press
         s, q = 1.0 / spread[k, k] - 1.0 / gamma[load], means[k] / spread[k, k]
         pulls = means[k] < 0.0 and pressed_by[k] @ means < 0.0
         wanted = 0.0 if pulls else max((q**2 - s) / s**2, 0.0) if s > 0.0 else gamma[load]
-        gain = float(_evidence(wanted, s, q) - _evidence(gamma[load], s, q)) + (_COST if wanted == 0.0 else 0.0)
+        gain = float(_evidence(wanted, s, q) - _evidence(gamma[load], s, q)) + (COST if wanted == 0.0 else 0.0)
         if gain < _GAIN and not pulls:
             continue
         gained += abs(gain)

@@ -132,7 +132,7 @@ class Anchoring:
             c_mm, sigma_mm = self.learned.of(blocks)
             self._step_mm = abs(c_mm)
             import os
-            if os.environ.get("TR"): print("  C", c_mm, "sigma", sigma_mm, "loads", np.count_nonzero(loads.gamma), "ev", [b.evidence for b in self.learned.bodies], "range", float(np.ptp(read.depth[read.island])))
+            if os.environ.get("TR"): print("  C", c_mm, "sigma", sigma_mm, "loads", [np.count_nonzero(b.variances) for b in self.learned.bodies], "each", [b.constant(blocks) for b in self.learned.bodies], "ev", [b.evidence for b in self.learned.bodies], "range", float(np.ptp(read.depth[read.island])))
             weights = np.where(read.island, self._anchors.scale**2, 0.0)
             self.fit = RestFit("quiet", weights / weights.sum(), sigma_mm, mean(weights / weights.sum(), read.depth / self._anchors.scale) - c_mm)
             self.fixed = abs(c_mm) < _AGAIN_MM or self._fits == _MOST_FITS

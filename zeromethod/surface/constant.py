@@ -24,7 +24,7 @@ from zeromethod.arrays import Float, Mask
 from zeromethod.mechanics.bodies import Candidate
 from zeromethod.mechanics.gaussian_load import Elastic, Loads
 from zeromethod.mechanics.load_posterior import posterior
-from zeromethod.mechanics.load_variances import learned_variances, spread_variances
+from zeromethod.mechanics.load_variances import COST, learned_variances, spread_variances
 from zeromethod.mechanics.possible_loads import possible_loads
 from zeromethod.surface.blocks import Blocks
 from zeromethod.surface.integrate import LinearIntegration
@@ -38,6 +38,8 @@ _MODEL, _MOST_MODEL = 1e-3, 0.1
 """Error of the dents' slopes over the slope: of blocks and shifts at least, and where the constant is 50 µm off."""
 _STEEP = 10.0
 """Slope over noise from which a block says how large that error is."""
+_UNSURE = 10.0
+"""Nats by which evidences of bodies are unsure: loads are learned one by one, and may be others as well."""
 _AT_ONCE = 128
 """Loads whose fields are worked out together, some 8 MB."""
 
@@ -91,7 +93,7 @@ class Learned:
     def of(self, read: BlockReadings) -> tuple[float, float]:
         """(constant, its standard deviation) of a reading, mm."""
         share = np.array([body.evidence for body in self.bodies])
-        share = np.exp(share - share.max())
+        share = np.exp((share - share.max()) / _UNSURE)
         share /= share.sum()
         values = np.array([body.constant(read) for body in self.bodies])
         variances = [
@@ -238,7 +240,8 @@ class LoadConstant:
         for other in others:
             phi, m = self._seen(other, ring, used)
             beside.append(constant(posterior(white(phi), gamma, data, m, both, open_mm2).weights))
-        return OfBody(constant(found.weights), found.variance, found.evidence - white.log_size, variances, tuple(beside))
+        evidence = found.evidence - white.log_size - COST * np.count_nonzero(variances)
+        return OfBody(constant(found.weights), found.variance, evidence, variances, tuple(beside))
 
     def _seen(self, dents: PossibleDents, ring: Float, used: Mask) -> tuple[Float, Float]:
         """(2 blocks, loads) what dents 1 mm deep make of z; (loads,) their mean depth / h in the ring."""
