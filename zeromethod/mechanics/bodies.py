@@ -48,7 +48,9 @@ def candidates_of(rig: Rig) -> tuple[Callable[[], Candidate], ...]:
     if rubber.thickness_mm is None:
         return (lambda: Candidate(HalfSpace()),)
     layer = LayerBody(rubber.thickness_mm, rubber.poisson, rubber.support == "bonded")
-    thicker = replace(layer, thickness_mm=layer.thickness_mm + (rubber.thickness_sigma_mm or _THICKNESS_SIGMA_MM))
+    thicker = replace(
+        layer, thickness_mm=layer.thickness_mm + (rubber.thickness_sigma_mm or _THICKNESS_SIGMA_MM)
+    )
     softer = replace(layer, poisson=max(layer.poisson - (rubber.poisson_sigma or _POISSON_SIGMA), 0.0))
     return (lambda: Candidate(layer, (thicker, softer)),)
 

@@ -105,7 +105,8 @@ def _series(coefficients: Float, box: Float, x: Float, y: Float) -> Float:
     for k, (along, across, kept) in enumerate(
         ((at[0], at[1], 1.0), (by[0], at[1], inside[0]), (at[0], by[1], inside[1]))
     ):
-        out[k] = np.einsum("iba,na,nb->in", coefficients, along, across, optimize=True) * kept
+        basis = (across[:, :, None] * along[:, None, :]).reshape(len(x), -1)
+        out[k] = coefficients.reshape(len(coefficients), -1) @ basis.T * kept
     return out
 
 

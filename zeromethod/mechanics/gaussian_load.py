@@ -11,13 +11,14 @@ doi:10.1017/CBO9781139171731; Gradshteyn & Ryzhik, 6.618.1.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from scipy.special import i0e, i1e, j0, j1
 
-from zeromethod.arrays import Float
+from zeromethod.arrays import Float, Single
 from zeromethod.mechanics.body import BodyKernel
 from zeromethod.mechanics.layer import reach_and_waves
 
@@ -45,18 +46,23 @@ class Loads:
         return np.sqrt(2 / np.pi) * self.width_mm
 
 
+Fields = Callable[[Loads], Single]
+"""Of loads: (3, places, loads) depth over mm of depth at certain places, and its slopes along x and y, 1/mm."""
+
+
 @dataclass(frozen=True)
 class HalfSpace:
     """Rubber so thick that its other faces do not matter."""
 
-    def fields(self, x_mm: Float, y_mm: Float, loads: Loads) -> Float:
-        """(3, places, loads): depth over mm of depth, and its slopes along x and y, 1/mm."""
-        dx, dy = x_mm[:, None] - loads.x_mm, y_mm[:, None] - loads.y_mm
-        l2 = loads.width_mm**2
-        u = (dx**2 + dy**2) / (4 * l2)
+    def profile(self, distance_mm: Float, width_mm: float) -> tuple[Float, Float]:
+        """Depth of a dent 1 mm deep, and its slope over distance, 1/mm^2, at distances (n,)."""
+        u = (distance_mm / width_mm) ** 2 / 4
         depth = i0e(u)
-        by_r = (i1e(u) - depth) / (2 * l2)
-        return np.stack([depth, by_r * dx, by_r * dy])
+        return depth, (i1e(u) - depth) / (2 * width_mm**2)
+
+    def at(self, x_mm: Float, y_mm: Float) -> Fields:
+        """Fields at places (n,)."""
+        return radial_fields(self.profile, x_mm, y_mm)
 
 
 @dataclass(frozen=True)
@@ -67,20 +73,18 @@ class LayerBody:
     poisson: float
     bonded: bool
 
-    def fields(self, x_mm: Float, y_mm: Float, loads: Loads) -> Float:
-        """As `HalfSpace.fields`."""
-        out = HalfSpace().fields(x_mm, y_mm, loads)
-        for width in np.unique(loads.width_mm):
-            mine = loads.width_mm == width
-            dx, dy = x_mm[:, None] - loads.x_mm[mine], y_mm[:, None] - loads.y_mm[mine]
-            r = np.hypot(dx, dy)
-            at, depth, by_r = _added(self.thickness_mm, self.poisson, self.bonded, float(width))
-            beyond = r > at[-1]  # there the base takes all of a half-space's dent
-            slope = np.where(beyond, 0.0, np.interp(r, at, by_r))
-            out[0][:, mine] = np.where(beyond, 0.0, out[0][:, mine] + np.interp(r, at, depth))
-            out[1][:, mine] = np.where(beyond, 0.0, out[1][:, mine] + slope * dx)
-            out[2][:, mine] = np.where(beyond, 0.0, out[2][:, mine] + slope * dy)
-        return out
+    def profile(self, distance_mm: Float, width_mm: float) -> tuple[Float, Float]:
+        """Depth of a dent that is 1 mm deep on a half-space, and its slope over distance, 1/mm^2."""
+        depth, slope = HalfSpace().profile(distance_mm, width_mm)
+        at, added, by_r = _added(self.thickness_mm, self.poisson, self.bonded, width_mm)
+        # beyond the table the base takes all of a half-space's dent
+        there = distance_mm <= at[-1]
+        depth = np.where(there, depth + np.interp(distance_mm, at, added), 0.0)
+        return depth, np.where(there, slope + np.interp(distance_mm, at, by_r), 0.0)
+
+    def at(self, x_mm: Float, y_mm: Float) -> Fields:
+        """Fields at places (n,)."""
+        return radial_fields(self.profile, x_mm, y_mm)
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,20 +94,56 @@ class PrismBody:
     kernel: BodyKernel
     share: float = 1.0
 
-    def fields(self, x_mm: Float, y_mm: Float, loads: Loads) -> Float:
-        """As `HalfSpace.fields`."""
+    def at(self, x_mm: Float, y_mm: Float) -> Fields:
+        """Fields at places (n,)."""
+        free, products = HalfSpace().at(x_mm, y_mm), np.float32(self.kernel.products(x_mm, y_mm))
         at, weight = _HERMITE
-        x = (loads.x_mm[:, None, None] + loads.width_mm[:, None, None] * at[:, None]) + 0 * at
-        y = (loads.y_mm[:, None, None] + loads.width_mm[:, None, None] * at) + 0 * at[:, None]
-        by_load = self.kernel.by_loads(np.stack([x.ravel(), y.ravel()])).reshape(-1, *x.shape)
-        share = np.outer(weight, weight) / weight.sum() ** 2
-        mean = np.einsum("inab,ab->in", by_load, share) * (self.share * loads.q_mm2)
-        added = np.einsum("kin,im->knm", self.kernel.products(x_mm, y_mm), mean, optimize=True)
-        return HalfSpace().fields(x_mm, y_mm, loads) + added
+        across, along = (one.ravel() for one in np.meshgrid(at, at))
+        share = np.outer(weight, weight).ravel() / weight.sum() ** 2
+
+        def fields(loads: Loads) -> Single:
+            spread = [
+                np.add.outer(np.zeros(9), middle) + np.outer(by, loads.width_mm)
+                for middle, by in ((loads.x_mm, along), (loads.y_mm, across))
+            ]
+            by_load = self.kernel.by_loads(np.stack([one.ravel() for one in spread]))
+            mean = np.einsum("ikn,k->in", by_load.reshape(len(by_load), 9, -1), share)
+            added = np.asarray(self.share * mean * loads.q_mm2, np.float32)
+            return free(loads) + np.einsum("kin,im->knm", products, added, optimize=True)
+
+        return fields
 
 
 Elastic = HalfSpace | LayerBody | PrismBody
 """How a body answers to loads on its mirror."""
+
+
+Profile = Callable[[Float, float], tuple[Float, Float]]
+"""Of distances, mm, and a width, mm: depth, and slope over distance, 1/mm^2."""
+
+
+def radial_fields(profile: Profile, x_mm: Float, y_mm: Float) -> Fields:
+    """Fields of round dents at places (n,), by tables of their profile, to 1e-5 of the deepest."""
+    x, y = np.asarray(x_mm, np.float32)[:, None], np.asarray(y_mm, np.float32)[:, None]
+
+    def fields(loads: Loads) -> Single:
+        out = np.empty((3, len(x), len(loads)), np.float32)
+        for width in np.unique(loads.width_mm):
+            mine = loads.width_mm == width
+            dx, dy = x - np.float32(loads.x_mm[mine]), y - np.float32(loads.y_mm[mine])
+            place = np.sqrt(dx * dx + dy * dy) * np.float32(1.0 / (_STEP * width))
+            at = place.astype(np.int32)
+            share = place - at
+            table = np.float32(profile(_STEP * width * np.arange(int(at.max()) + 2), float(width)))
+            depth, by_r = (one[at] + share * np.diff(one)[at] for one in table)
+            out[:, :, mine] = np.stack([depth, by_r * dx, by_r * dy])
+        return out
+
+    return fields
+
+
+_STEP = 0.02
+"""Between distances of a table, over the width."""
 
 
 @lru_cache(32)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,45 +10,62 @@ from scipy.linalg import cho_factor, cho_solve
 
 from zeromethod.arrays import Float
 
-_WEAK_MM = (0.0, 3e-6, 1e-5, 3e-5, 1e-4, 1e-3)
-"""Standard deviations, mm, of loads everywhere that are too weak to be found one by one: 3 nm, a tenth of a frame's
+WEAK_MM = (0.0, 3e-6, 1e-5, 3e-5, 1e-4, 1e-3)
+"""Standard deviations, mm, of loads everywhere that are too weak to be found one by one: from 3 nm, below a frame's
 noise, to 1 µm, which would be found."""
-_WEAK_PRIOR = (0.5, 0.1, 0.1, 0.1, 0.1, 0.1)
-"""How likely each of them is before anything was seen."""
+_NONE_WEAK = 0.5
+"""How likely it is before anything was seen that there are none; the others share the rest."""
 
 
 @dataclass(frozen=True)
 class Posterior:
-    """Weights (data,) of the data in the sum, the sum's variance, and the evidence in nats."""
+    """Weights (data,) of the data in the sum, the sum's variance, the evidence in nats, and the data's covariance.
+
+    inverse: (data, data) of what the data's covariance is with the likeliest weak loads.
+    """
 
     weights: Float
     variance: float
     evidence: float
+    inverse: Float
 
 
-def posterior(phi: Float, gamma: Float, data: Float, of_loads: Float, shared: Float, open2: float) -> Posterior:
+def posterior(
+    phi: Float,
+    gamma: Float,
+    data: Float,
+    of_loads: Float,
+    shared: Float,
+    open2: float,
+    weak_mm: Sequence[float],
+) -> Posterior:
     """Posterior of sum(of_loads p) - e, with data = phi p + n, n white of variance 1, p_j ~ N(0, gamma_j).
 
-    phi: (data, loads). e: noise of variance open2 with covariance shared (data,) with n. Weak loads everywhere are mixed
-    in as their evidence says.
+    phi: (data, loads). e: noise of variance open2 with covariance shared (data,) with n. weak_mm: as `WEAK_MM`, mixed by
+    evidence.
     """
     some = gamma > 0.0
     whole = np.eye(len(data)) + (phi[:, some] * gamma[some]) @ phi[:, some].T
-    everywhere = phi @ phi.T
-    found = []
-    for weak_mm, prior in zip(_WEAK_MM, _WEAK_PRIOR, strict=True):
-        of_all = gamma + weak_mm**2
-        factor = cho_factor(whole + weak_mm**2 * everywhere, check_finite=False)
+    everywhere = phi @ phi.T if any(weak_mm) else np.zeros_like(whole)
+    prior = np.full(len(weak_mm), (1.0 - _NONE_WEAK) / max(len(weak_mm) - 1, 1))
+    prior[0] = _NONE_WEAK
+    found, factors = [], []
+    for each_mm, likely in zip(weak_mm, prior, strict=True):
+        of_all = gamma + each_mm**2
+        factor = cho_factor(whole + each_mm**2 * everywhere, check_finite=False)
         a = cho_solve(factor, phi @ (of_all * of_loads) - shared, check_finite=False)
         chi2 = float(data @ cho_solve(factor, data, check_finite=False))
-        evidence = float(np.log(prior) - 0.5 * chi2 - np.log(np.diag(factor[0])).sum())
+        evidence = float(np.log(likely) - 0.5 * chi2 - np.log(np.diag(factor[0])).sum())
         # of what is left with these weights: a sum of squares, where a difference would lose all digits
         variance = float(of_all @ (of_loads - a @ phi) ** 2 + a @ a + 2 * shared @ a) + open2
         found.append((evidence, a, variance))
+        factors.append(factor)
     evidences, weights, variances = (np.array(one) for one in zip(*found, strict=True))
-    share = np.exp(evidences - evidences.max())
-    whole_evidence = float(evidences.max() + np.log(share.sum()))
+    best = int(np.argmax(evidences))
+    share = np.exp(evidences - evidences[best])
+    whole_evidence = float(evidences[best] + np.log(share.sum()))
     share /= share.sum()
     sums = weights @ data
     variance = float(share @ (variances + (sums - share @ sums) ** 2))
-    return Posterior(share @ weights, variance, whole_evidence)
+    inverse = cho_solve(factors[best], np.eye(len(data)), check_finite=False)
+    return Posterior(share @ weights, variance, whole_evidence, inverse)

@@ -58,14 +58,17 @@ def learned_variances(phi: Float, data: Float, loads: Loads, start: Float | None
 
 def _pressure(loads: Loads, by: Ints) -> Float:
     """(loads, by) pressure in each load's middle by others 1 mm deep, over that of one 1 mm deep and 1 mm wide."""
-    apart2 = np.subtract.outer(loads.x_mm, loads.x_mm[by]) ** 2 + np.subtract.outer(loads.y_mm, loads.y_mm[by]) ** 2
+    apart2 = (
+        np.subtract.outer(loads.x_mm, loads.x_mm[by]) ** 2
+        + np.subtract.outer(loads.y_mm, loads.y_mm[by]) ** 2
+    )
     return np.asarray(np.exp(-0.5 * apart2 / loads.width_mm[by] ** 2) / loads.width_mm[by])
 
 
 def _apart(phi: Float, own: Float, gains: Float) -> Ints:
     """Loads that gain most, and look so different that each gains nearly the same beside the others."""
     best: list[int] = []
-    for load in np.argsort(gains)[: -_AT_ONCE : -1]:
+    for load in np.argsort(gains)[:-_AT_ONCE:-1]:
         if gains[load] < max(_GAIN, 0.5 * gains[best[0]] if best else 0.0):
             break
         alike = np.abs(phi[:, load] @ phi[:, best]) / np.sqrt(own[load] * own[best])
@@ -89,7 +92,9 @@ def _estimate_again(gamma: Float, products: Float, met: Float, used: Ints, press
         s, q = 1.0 / spread[k, k] - 1.0 / gamma[load], means[k] / spread[k, k]
         pulls = means[k] < 0.0 and pressed_by[k] @ means < 0.0
         wanted = 0.0 if pulls else max((q**2 - s) / s**2, 0.0) if s > 0.0 else gamma[load]
-        gain = float(_evidence(wanted, s, q) - _evidence(gamma[load], s, q)) + (COST if wanted == 0.0 else 0.0)
+        gain = float(_evidence(wanted, s, q) - _evidence(gamma[load], s, q)) + (
+            COST if wanted == 0.0 else 0.0
+        )
         if gain < _GAIN and not pulls:
             continue
         gained += abs(gain)
@@ -112,7 +117,10 @@ def spread_variances(gamma: Float, loads: Loads) -> Float:
     """
     used: Ints = np.flatnonzero(gamma)
     wide = np.log(loads.width_mm)
-    apart2 = np.subtract.outer(loads.x_mm, loads.x_mm[used]) ** 2 + np.subtract.outer(loads.y_mm, loads.y_mm[used]) ** 2
+    apart2 = (
+        np.subtract.outer(loads.x_mm, loads.x_mm[used]) ** 2
+        + np.subtract.outer(loads.y_mm, loads.y_mm[used]) ** 2
+    )
     reach2 = (_REACH * np.maximum.outer(loads.width_mm, loads.width_mm[used])) ** 2
     near = np.exp(-0.5 * apart2 / reach2 - 0.5 * (np.subtract.outer(wide, wide[used]) / _OCTAVES) ** 2)
     near /= near.sum(axis=0)
@@ -120,7 +128,8 @@ def spread_variances(gamma: Float, loads: Loads) -> Float:
 
 
 import os
-_SHARED = float(os.environ.get("SH","0.1"))
+
+_SHARED = float(os.environ.get("SH", "0.1"))
 """Part of each variance that its neighbours take."""
 _REACH, _OCTAVES = 0.8, 0.5
 """How far neighbours reach, over the wider one's width and in the logarithm of the widths."""

@@ -30,8 +30,8 @@ KEEP = ("frames", "residual", "warps", "surface", "fine")
 
 STATES = tuple(State)
 EVENTS = tuple(Event)
-AnchorMode = Literal["none", "known", "quiet"]
-ANCHORS: tuple[AnchorMode, ...] = ("none", "known", "quiet")
+AnchorMode = Literal["none", "known", "quiet", "loads"]
+ANCHORS: tuple[AnchorMode, ...] = ("none", "known", "quiet", "loads")
 
 
 @dataclass(frozen=True)

@@ -53,7 +53,7 @@ class RestFit:
     hidden_mm: what of it noise can hide; 0 where nothing presses.
     """
 
-    mode: Literal["known", "quiet"]
+    mode: Literal["known", "quiet", "loads"]
     weights: Float
     sigma_mm: float
     far_field_mm: float = 0.0

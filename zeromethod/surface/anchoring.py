@@ -16,7 +16,9 @@ from zeromethod.arrays import Float, Mask
 from zeromethod.rig.model import KnownRest
 from zeromethod.surface.anchor import MOST_CHOICES, Border, QuietNodes, RestFit, fit_known, known_nodes
 from zeromethod.surface.far_field import BodyOnNodes, FarField, fit_far_field
+from zeromethod.surface.kept_constant import KeptConstant
 from zeromethod.surface.node_passes import dot, step_of
+from zeromethod.surface.pass_result import PassResult
 from zeromethod.surface.roughness import roughness
 from zeromethod.surface.weak_dents import weak_far_field
 
@@ -30,17 +32,6 @@ _FAR_MM = 0.02
 """Far field above which to take it out of the slopes to first order is too rough for choosing nodes."""
 _MOST_FITS = 6
 """How often the far field is fitted in one reading, at most."""
-
-
-@dataclass(frozen=True, slots=True)
-class PassResult:
-    """What one pass read, (rows, cols): depth, slopes (..., 2) and their variance, points (..., 2 or 3)."""
-
-    slope: Float
-    variance: Float
-    point: Float
-    island: Mask
-    depth: Float
 
 
 class AnchorFinder:
@@ -58,7 +49,7 @@ class AnchorFinder:
         self._body_of, self._body = body, BodyOnNodes.none()
         self._known_rest, self._correlation = known_rest, correlation
         self.scale, self._gradient = scale, scale_gradient
-        self.loads = None
+        self.loads: KeptConstant | None = None
         self._border: Border | None = None
 
     def nodes(self, read: PassResult, contained_mm: float, most: int = MOST_CHOICES) -> tuple[RestFit, float]:
@@ -105,7 +96,7 @@ class Anchoring:
         """
         self._anchors, self._weights, self._several = anchors, weights, several
         self.linear = None
-        self.learned, self._step_mm = None, 0.0
+        self._step_mm, self.time_ns = 0.0, 0
         self._fits = 0
         self._chosen: RestFit | None = None
         self.fit: RestFit | None = None
@@ -124,18 +115,17 @@ class Anchoring:
         self._fits += 1
         assert self._weights is not None
         if self._anchors.loads is not None:
-            loads = self._anchors.loads
             x, y = read.point[..., 0], read.point[..., 1]
-            blocks = loads.blocks(read.slope, read.variance, read.depth, x, y, read.island)
-            if self.learned is None or self._step_mm > 1e-3 or not np.array_equal(self.learned.used, blocks.used):
-                self.learned = loads.learn(blocks, read.variance, read.island, self.linear(x, y), self.learned if self.learned is not None and np.array_equal(self.learned.used, blocks.used) else None)
-            c_mm, sigma_mm = self.learned.of(blocks)
-            self._step_mm = abs(c_mm)
-            import os
-            if os.environ.get("TR"): print("  C", c_mm, "sigma", sigma_mm, "loads", [np.count_nonzero(b.variances) for b in self.learned.bodies], "each", [b.constant(blocks) for b in self.learned.bodies], "ev", [b.evidence for b in self.learned.bodies], "range", float(np.ptp(read.depth[read.island])))
+            first = self._fits == 1
+            c_mm, sigma_mm = self._anchors.loads.of(
+                read, self.linear(x, y), first, self._step_mm, self.time_ns
+            )
             weights = np.where(read.island, self._anchors.scale**2, 0.0)
-            self.fit = RestFit("quiet", weights / weights.sum(), sigma_mm, mean(weights / weights.sum(), read.depth / self._anchors.scale) - c_mm)
+            weights /= weights.sum()
+            at_mm = mean(weights, read.depth / self._anchors.scale)
+            self.fit = RestFit("loads", weights, sigma_mm, at_mm - c_mm)
             self.fixed = abs(c_mm) < _AGAIN_MM or self._fits == _MOST_FITS
+            self._step_mm = c_mm
             return -c_mm
         chosen, at_mm = self._chosen, mean(self._weights, read.depth / self._anchors.scale)
         if chosen is None or self.fit is None or abs(self.fit.far_field_mm) < _FAR_MM:

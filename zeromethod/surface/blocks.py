@@ -90,14 +90,19 @@ class Blocks:
         gaps = enough & (count < size.prod(axis=1))
         if gaps.any():
             first = self.sums(place * nodes[..., None]) / least
-            square = np.stack([place[..., 0] ** 2, place[..., 1] ** 2, place[..., 0] * place[..., 1]], axis=-1)
+            square = np.stack(
+                [place[..., 0] ** 2, place[..., 1] ** 2, place[..., 0] * place[..., 1]], axis=-1
+            )
             xx, yy, xy = np.moveaxis(self.sums(square * nodes[..., None]) / least, -1, 0)
             mixed = np.stack([self.sums(there * place[..., k, None]) / least for k in (0, 1)])
             xx, yy, xy = xx - first[:, 0] ** 2, yy - first[:, 1] ** 2, xy - first[:, 0] * first[:, 1]
             mixed -= first.T[:, :, None] * mean
             det = np.maximum(xx * yy - xy**2, 1e-9)[:, None]
             tilt = np.stack(
-                [yy[:, None] * mixed[0] - xy[:, None] * mixed[1], xx[:, None] * mixed[1] - xy[:, None] * mixed[0]]
+                [
+                    yy[:, None] * mixed[0] - xy[:, None] * mixed[1],
+                    xx[:, None] * mixed[1] - xy[:, None] * mixed[0],
+                ]
             )
             mean = np.where(gaps[:, None], mean - (tilt / det * first.T[:, :, None]).sum(axis=0), mean)
         return mean, enough
@@ -115,8 +120,12 @@ class Blocks:
         outer = 0.5 * (size**2 - 1) / 12 / way**2
         signs = np.array([-1.0, 0.0, 1.0])
         weights = np.stack([outer, 1 - 2 * outer, outer], axis=-1)
-        at_row = (row[:, None, None] + way[:, 0, None, None] * signs[:, None] + 0 * signs).reshape(len(row), 9)
-        at_col = (col[:, None, None] + way[:, 1, None, None] * signs + 0 * signs[:, None]).reshape(len(row), 9)
+        at_row = (row[:, None, None] + way[:, 0, None, None] * signs[:, None] + 0 * signs).reshape(
+            len(row), 9
+        )
+        at_col = (col[:, None, None] + way[:, 1, None, None] * signs + 0 * signs[:, None]).reshape(
+            len(row), 9
+        )
         both = (weights[:, 0, :, None] * weights[:, 1, None, :]).reshape(len(row), 9)
         return map_coordinates(values, [at_row, at_col], order=1, mode="nearest"), both
 

@@ -22,6 +22,7 @@ from zeromethod.surface.anchoring import AnchorFinder, certain
 from zeromethod.surface.bench_drift import BenchDrift
 from zeromethod.surface.bridge import ReadNodes, bridge, cut_off_parts
 from zeromethod.surface.constant import LoadConstant
+from zeromethod.surface.kept_constant import KeptConstant
 from zeromethod.surface.covariance import DepthCovariance
 from zeromethod.surface.depth_scale import depth_scale
 from zeromethod.surface.far_field import BodyOnNodes
@@ -138,7 +139,8 @@ class SurfaceReader:
         if rig.surface.constant == "loads" and (bodies := candidates_of(rig)):
             xy = continued_points(point[..., :2])
             fixed = self._scale, self._scale_gradient, correlation
-            anchors.loads = LoadConstant(bodies, xy[..., 0], xy[..., 1], *fixed)
+            anchors.loads = KeptConstant(LoadConstant(bodies, xy[..., 0], xy[..., 1], *fixed))
+        self._anchors = anchors
         self._settling = Settling(self._rays, self._integrator, anchors)
         self._overlap = component_correlation(grid.period_px, grid.spacing_px, rig.target.kind)
         self._noise = DepthNoise(self._integrator)
@@ -201,6 +203,8 @@ class SurfaceReader:
         if self._drift is not None:
             self._drift.look(warp)
         start = None if previous is None else self._start(warp.time_ns, previous)
+        if self._anchors.loads is not None:
+            self._anchors.loads.begin(previous is not None)
         inner, measured, seam, depth = self._grid.inner, warp, None, np.zeros(self._usable.shape)
         for last in [True] if self._seams is None else PASSES:
             if self._seams is not None:

@@ -13,8 +13,9 @@ import numpy as np
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.surface.anchor import RestFit
-from zeromethod.surface.anchoring import AnchorFinder, Anchoring, PassResult
+from zeromethod.surface.anchoring import AnchorFinder, Anchoring
 from zeromethod.surface.integrate import SlopeIntegrator, fill_in
+from zeromethod.surface.pass_result import PassResult
 from zeromethod.surface.rays import MirrorRays
 
 _MOST_PASSES = 40

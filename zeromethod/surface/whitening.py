@@ -33,7 +33,9 @@ class Whitening:
 
     def weights(self, white: Float) -> Float:
         """Weights (2 n,) for values that do what these do for white ones."""
-        return self._halves(white, lambda r, h: solve_triangular(r, h, lower=True, trans=1, check_finite=False))
+        return self._halves(
+            white, lambda r, h: solve_triangular(r, h, lower=True, trans=1, check_finite=False)
+        )
 
     def _halves(self, values: Float, of: Callable[[Float, Float], Float]) -> Float:
         halves = zip(self._roots, np.split(values, 2), strict=True)

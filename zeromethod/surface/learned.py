@@ -1,0 +1,105 @@
+"""What was learned of the constant of depth: weights of slopes and ring, and whether what is read still fits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from zeromethod.arrays import Float, Mask
+from zeromethod.surface.block_readings import BlockReadings
+from zeromethod.surface.whitening import Whitening
+
+_UNSURE = 10.0
+"""Nats by which evidences of bodies are unsure: loads are learned one by one, and may be others as well."""
+_SIGMAS = 5.0
+"""Standard deviations of chi2 from which slopes are no longer those of a mirror at rest."""
+_CHANGED = 30.0
+"""Chi2 over the data's number up to which weights learned from one press serve another: a dent that moves 6 mm, or
+gets three times as deep."""
+
+
+@dataclass(frozen=True, slots=True)
+class Linear:
+    """Weights of a constant, mm: of_ratio (n,) . (D / h) - of_slope (n, 2) . y."""
+
+    of_ratio: Float
+    of_slope: Float
+
+    def __call__(self, read: BlockReadings) -> float:
+        """The constant of a reading."""
+        return float(self.of_ratio @ read.ratio) - float((self.of_slope * read.slope).sum())
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """How well slopes agree with what was learned. ring: (blocks,); gradient: (blocks, 2) of h, 1/mm."""
+
+    ring: Float
+    gradient: Float
+    white: Whitening
+    inverse: Float
+
+    def chi2(self, read: BlockReadings, used: Mask) -> float:
+        """Chi2 over the number of data; about 1 where they agree, less where more could press than does."""
+        z = (read.slope - float(self.ring @ read.ratio) * self.gradient)[used].T.ravel()
+        white = self.white(z)
+        return float(white @ self.inverse @ white) / len(white)
+
+
+@dataclass(frozen=True, slots=True)
+class OfBody:
+    """The constant as one body has it, its variance, mm^2, and that body's evidence, nats.
+
+    variances: (loads,) of all possible loads. others: as bodies have it that are one standard deviation away.
+    """
+
+    constant: Linear
+    variance: float
+    evidence: float
+    variances: Float
+    fit: Fit
+    others: tuple[Linear, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Learned:
+    """The constant as all bodies have it that the rubber may be, with the blocks `used`.
+
+    anything: with the prior that anything presses, anywhere, which serves until it is learned what. from_ns: time of the
+    picture that it was learned from.
+    """
+
+    bodies: tuple[OfBody, ...]
+    anything: OfBody
+    used: Mask
+    from_ns: int = 0
+
+    @property
+    def likeliest(self) -> OfBody:
+        """By evidence."""
+        return max(self.bodies, key=lambda body: body.evidence)
+
+    def stale(self, read: BlockReadings) -> tuple[bool, bool]:
+        """Whether it is worth learning again, and whether these weights do not serve until then."""
+        best = self.likeliest
+        chi2 = best.fit.chi2(read, self.used)
+        again = chi2 > 1.0 + _SIGMAS * np.sqrt(1.0 / np.count_nonzero(self.used))
+        return bool(again), bool(chi2 > _CHANGED or (again and not best.variances.any()))
+
+    def of(self, read: BlockReadings) -> tuple[float, float]:
+        """(constant, its standard deviation) of a reading, mm."""
+        if self.stale(read)[1]:
+            grown = max(self.anything.fit.chi2(read, self.used), 1.0)
+            return self.anything.constant(read), float(np.sqrt(grown * self.anything.variance))
+        share = np.array([body.evidence for body in self.bodies])
+        share = np.exp((share - share.max()) / _UNSURE)
+        share /= share.sum()
+        values = np.array([body.constant(read) for body in self.bodies])
+        grown = max(self.likeliest.fit.chi2(read, self.used), 1.0)
+        variances = [
+            grown * body.variance + sum((other(read) - value) ** 2 for other in body.others)
+            for body, value in zip(self.bodies, values, strict=True)
+        ]
+        mean = float(share @ values)
+        return mean, float(np.sqrt(share @ (np.array(variances) + (values - mean) ** 2)))
