@@ -103,7 +103,8 @@ class LoadConstant:
         found = []
         for (dents, others), start in zip(self._dents, starts, strict=True):
             found.append(view.of_body(dents, others, start, again or start is None))
-        return Learned(tuple(found), view.anything(self._dents[0][0]), read.used)
+        best = max(found, key=lambda body: body.evidence)
+        return Learned(tuple(found), view.anything(self._dents[0][0]), read.used, best.fit.chi2(read, read.used))
 
     def _ring(self, read: BlockReadings) -> Float:
         """(blocks,) weights of the border, larger where it is flat."""

@@ -77,7 +77,7 @@ class KeptConstant:
             and first
             and self._due < self._frame
             and self._allowed >= 1.0
-            and kept.stale(blocks)[0]
+            and kept.changed(blocks)
         ):
             self._allowed -= 1.0
             self._due = self._frame + _LAG_FRAMES

@@ -12,8 +12,8 @@ from zeromethod.surface.whitening import Whitening
 
 _UNSURE = 10.0
 """Nats by which evidences of bodies are unsure: loads are learned one by one, and may be others as well."""
-_SIGMAS = 5.0
-"""Standard deviations of chi2 from which slopes are no longer those of a mirror at rest."""
+_AGAIN = 0.15
+"""Change of chi2 from which it is worth learning again: of one press alone it is noise of 6 %."""
 _CHANGED = 30.0
 """Chi2 over the data's number up to which weights learned from one press serve another: a dent that moves 6 mm, or
 gets three times as deep."""
@@ -66,13 +66,14 @@ class OfBody:
 class Learned:
     """The constant as all bodies have it that the rubber may be, with the blocks `used`.
 
-    anything: with the prior that anything presses, anywhere, which serves until it is learned what. from_ns: time of the
-    picture that it was learned from.
+    anything: with the prior that anything presses, anywhere, which serves until it is learned what. chi2: of what it was
+    learned from; from_ns: time of that picture.
     """
 
     bodies: tuple[OfBody, ...]
     anything: OfBody
     used: Mask
+    chi2: float
     from_ns: int = 0
 
     @property
@@ -80,25 +81,23 @@ class Learned:
         """By evidence."""
         return max(self.bodies, key=lambda body: body.evidence)
 
-    def stale(self, read: BlockReadings) -> tuple[bool, bool]:
-        """Whether it is worth learning again, and whether these weights do not serve until then."""
-        best = self.likeliest
-        chi2 = best.fit.chi2(read, self.used)
-        again = chi2 > 1.0 + _SIGMAS * np.sqrt(1.0 / np.count_nonzero(self.used))
-        return bool(again), bool(chi2 > _CHANGED or (again and not best.variances.any()))
+    def changed(self, read: BlockReadings) -> bool:
+        """Whether it is worth learning again."""
+        return abs(self.likeliest.fit.chi2(read, self.used) - self.chi2) > _AGAIN * self.chi2
 
     def of(self, read: BlockReadings) -> tuple[float, float]:
         """(constant, its standard deviation) of a reading, mm."""
-        if self.stale(read)[1]:
+        best = self.likeliest
+        chi2 = best.fit.chi2(read, self.used)
+        if chi2 > (_CHANGED if best.variances.any() else (1.0 + _AGAIN) * max(self.chi2, 1.0)):
             grown = max(self.anything.fit.chi2(read, self.used), 1.0)
             return self.anything.constant(read), float(np.sqrt(grown * self.anything.variance))
         share = np.array([body.evidence for body in self.bodies])
         share = np.exp((share - share.max()) / _UNSURE)
         share /= share.sum()
         values = np.array([body.constant(read) for body in self.bodies])
-        grown = max(self.likeliest.fit.chi2(read, self.used), 1.0)
         variances = [
-            grown * body.variance + sum((other(read) - value) ** 2 for other in body.others)
+            max(chi2, 1.0) * body.variance + sum((other(read) - value) ** 2 for other in body.others)
             for body, value in zip(self.bodies, values, strict=True)
         ]
         mean = float(share @ values)
