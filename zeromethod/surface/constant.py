@@ -61,6 +61,7 @@ class LoadConstant:
     ) -> None:
         """x_mm, y_mm, scale h: (rows, cols) at rest; gradient of h (rows, cols, 2). correlation: of nodes' noise."""
         self._x, self._y, self._scale, self._candidates = x_mm, y_mm, scale, candidates
+        self.knows_body = bool(candidates)
         self._blocks = Blocks.of(x_mm.shape)
         self.reader = BlockReader(self._blocks, x_mm, y_mm, scale)
         of_scale = np.concatenate([gradient, 1.0 / scale[..., None]], axis=-1)
@@ -105,6 +106,17 @@ class LoadConstant:
             found.append(view.of_body(dents, others, start, again or start is None))
         best = max(found, key=lambda body: body.evidence)
         return Learned(tuple(found), view.anything(self._dents[0][0]), read.used, best.fit.chi2(read, read.used))
+
+    def open(self, read: BlockReadings) -> tuple[float, float]:
+        """(constant, its standard deviation), mm, where no body is known to yield: the ring is taken as at rest.
+
+        It is as deep as its slopes make it over half of the view.
+        """
+        ring = self._ring(read)
+        extent_mm = float(np.hypot(np.ptp(self._x), np.ptp(self._y)))
+        z2 = ((read.slope - float(ring @ read.ratio) * self._gradient) ** 2).sum(axis=1)
+        steep = np.sqrt(float(ring @ np.maximum(z2, 0.0)))
+        return float(ring @ read.ratio), 0.5 * extent_mm * steep
 
     def _ring(self, read: BlockReadings) -> Float:
         """(blocks,) weights of the border, larger where it is flat."""

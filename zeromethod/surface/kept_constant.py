@@ -58,6 +58,8 @@ class KeptConstant:
         constant = self._constant
         x, y = read.point[..., 0], read.point[..., 1]
         blocks = constant.reader.read(read.slope, read.variance, read.depth, x, y, read.island)
+        if not constant.knows_body:
+            return constant.open(blocks)
         kept = self._kept
         alike = kept is not None and np.array_equal(kept.used, blocks.used)
 

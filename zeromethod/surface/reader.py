@@ -136,7 +136,8 @@ class SurfaceReader:
         anchors = AnchorFinder(
             rig.surface.known_rest, self._scale, self._scale_gradient, correlation, self._body_on(rig, point)
         )
-        if rig.surface.constant == "loads" and (bodies := candidates_of(rig)):
+        if rig.surface.constant == "loads":
+            bodies = candidates_of(rig)
             xy = continued_points(point[..., :2])
             fixed = self._scale, self._scale_gradient, correlation
             anchors.loads = KeptConstant(LoadConstant(bodies, xy[..., 0], xy[..., 1], *fixed))
