@@ -6,28 +6,28 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_solve, cholesky
 
 from zeromethod.arrays import Float
 
-WEAK_MM = (0.0, 3e-6, 1e-5, 3e-5, 1e-4, 1e-3)
-"""Standard deviations, mm, of loads everywhere that are too weak to be found one by one: from 3 nm, below a frame's
-noise, to 1 µm, which would be found."""
+WEAK_MM = (0.0, 1e-5, 1e-4, 1e-3)
+"""Standard deviations, mm, of loads everywhere that are too weak to be found one by one: from a frame's noise to 1 µm,
+which would be found."""
 _NONE_WEAK = 0.5
 """How likely it is before anything was seen that there are none; the others share the rest."""
 
 
 @dataclass(frozen=True)
 class Posterior:
-    """Weights (data,) of the data in the sum, the sum's variance, the evidence in nats, and the data's covariance.
+    """Weights (data,) of the data in the sum, the sum's variance, and the evidence in nats.
 
-    inverse: (data, data) of what the data's covariance is with the likeliest weak loads.
+    root: (data, data) lower root of the data's covariance with the likeliest weak loads.
     """
 
     weights: Float
     variance: float
     evidence: float
-    inverse: Float
+    root: Float
 
 
 def posterior(
@@ -49,17 +49,17 @@ def posterior(
     everywhere = phi @ phi.T if any(weak_mm) else np.zeros_like(whole)
     prior = np.full(len(weak_mm), (1.0 - _NONE_WEAK) / max(len(weak_mm) - 1, 1))
     prior[0] = _NONE_WEAK
-    found, factors = [], []
+    found, roots = [], []
     for each_mm, likely in zip(weak_mm, prior, strict=True):
         of_all = gamma + each_mm**2
-        factor = cho_factor(whole + each_mm**2 * everywhere, check_finite=False)
-        a = cho_solve(factor, phi @ (of_all * of_loads) - shared, check_finite=False)
-        chi2 = float(data @ cho_solve(factor, data, check_finite=False))
-        evidence = float(np.log(likely) - 0.5 * chi2 - np.log(np.diag(factor[0])).sum())
+        root = cholesky(whole + each_mm**2 * everywhere, lower=True, check_finite=False)
+        both = np.stack([phi @ (of_all * of_loads) - shared, data], axis=1)
+        a, seen = cho_solve((root, True), both, check_finite=False).T
+        evidence = float(np.log(likely) - 0.5 * data @ seen - np.log(np.diag(root)).sum())
         # of what is left with these weights: a sum of squares, where a difference would lose all digits
         variance = float(of_all @ (of_loads - a @ phi) ** 2 + a @ a + 2 * shared @ a) + open2
         found.append((evidence, a, variance))
-        factors.append(factor)
+        roots.append(root)
     evidences, weights, variances = (np.array(one) for one in zip(*found, strict=True))
     best = int(np.argmax(evidences))
     share = np.exp(evidences - evidences[best])
@@ -67,5 +67,4 @@ def posterior(
     share /= share.sum()
     sums = weights @ data
     variance = float(share @ (variances + (sums - share @ sums) ** 2))
-    inverse = cho_solve(factors[best], np.eye(len(data)), check_finite=False)
-    return Posterior(share @ weights, variance, whole_evidence, inverse)
+    return Posterior(share @ weights, variance, whole_evidence, roots[best])

@@ -296,6 +296,6 @@ class SurfaceSpec(Table):
     the LCD; they are watched for motion of the camera against the prism.
     """
 
-    constant: Literal["quiet", "loads"] = "quiet"
+    constant: Literal["quiet", "loads"] = "loads"
     known_rest: tuple[KnownRest, ...] = ()
     marks_px: tuple[Vector2, ...] = ()

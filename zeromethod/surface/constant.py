@@ -14,14 +14,16 @@ many frames. Wanted is the mean over the view: the noise of the ring's mean agai
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import correlate1d
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.mechanics.bodies import Candidate
-from zeromethod.mechanics.gaussian_load import Elastic, Loads
+from zeromethod.mechanics.gaussian_load import Elastic
 from zeromethod.mechanics.load_posterior import WEAK_MM, posterior
 from zeromethod.mechanics.load_variances import COST, learned_variances, spread_variances
 from zeromethod.mechanics.possible_loads import possible_loads
@@ -105,7 +107,9 @@ class LoadConstant:
         for (dents, others), start in zip(self._dents, starts, strict=True):
             found.append(view.of_body(dents, others, start, again or start is None))
         best = max(found, key=lambda body: body.evidence)
-        return Learned(tuple(found), view.anything(self._dents[0][0]), read.used, best.fit.chi2(read, read.used))
+        return Learned(
+            tuple(found), view.anything(self._dents[0][0]), read.used, best.fit.chi2(read, read.used)
+        )
 
     def open(self, read: BlockReadings) -> tuple[float, float]:
         """(constant, its standard deviation), mm, where no body is known to yield: the ring is taken as at rest.
@@ -142,6 +146,16 @@ class LoadConstant:
         return shared, float((sigma * slope_weights * noise).sum())
 
 
+class _White(NamedTuple):
+    """White equations data = phi p + noise; mean (loads,): depth / h in the ring of dents 1 mm deep."""
+
+    white: Whitening
+    phi: Float
+    data: Float
+    mean: Float
+    error2: float
+
+
 class _View:
     """One reading's equations for any body: z, its noise, and the ring that the constant is counted from."""
 
@@ -162,60 +176,51 @@ class _View:
         self, dents: PossibleDents, others: Sequence[PossibleDents], start: Float | None, again: bool
     ) -> OfBody:
         """The constant by the loads that are learned for this body, and for these by the bodies beside it."""
-        phi, mean = dents.seen(self._ring, *self._of_h, self._used)
-        white = Whitening(self._noise, _MODEL**2 * self._slope2)
+        data = self._white(dents, _MODEL**2)
         if again or start is None:
-            white, variances = self._learned(phi, white, dents.loads, start)
+            data, variances = self._learned(dents, data, start)
         else:
             variances = start
         spread = spread_variances(variances, dents.loads)
-        found = self._posterior(white, phi, mean, spread, variances, WEAK_MM)
-        beside = (other.seen(self._ring, *self._of_h, self._used) for other in others)
-        moved = tuple(self._posterior(white, *one, spread, variances, WEAK_MM).constant for one in beside)
-        return OfBody(found.constant, found.variance, found.evidence, variances, found.fit, moved)
+        found = self._posterior(data, spread, variances, WEAK_MM)
+        beside = (self._white(other, data.error2) for other in others)
+        moved = tuple(self._posterior(one, spread, variances, WEAK_MM).constant for one in beside)
+        return replace(found, others=moved)
 
     def anything(self, dents: PossibleDents) -> OfBody:
         """The constant where anything may press."""
-        phi, mean = dents.seen(self._ring, *self._of_h, self._used)
         widths = dents.loads.width_mm
         variances = (_ANYTHING_MM * (widths / widths.min()) ** 2) ** 2
-        return self._posterior(
-            Whitening(self._noise, _MODEL**2 * self._slope2), phi, mean, variances, variances, (0.0,)
-        )
+        return self._posterior(self._white(dents, _MODEL**2), variances, variances, (0.0,))
 
-    def _posterior(
-        self,
-        white: Whitening,
-        phi: Float,
-        mean: Float,
-        gamma: Float,
-        variances: Float,
-        weak_mm: Sequence[float],
-    ) -> OfBody:
-        data, shared = white(self._z), white(self._shared)
-        found = posterior(white(phi), gamma, data, mean, shared, self._open_mm2, weak_mm)
-        a = white.weights(found.weights)
+    def _white(self, dents: PossibleDents, error2: float) -> _White:
+        """The equations of one body, made white. error2: of its dents' slopes, over the slope."""
+        white = Whitening(self._noise, error2 * self._slope2)
+        phi, mean = dents.seen(self._ring, *self._of_h, self._used)
+        return _White(white, white(phi), white(self._z), mean, error2)
+
+    def _posterior(self, of: _White, gamma: Float, variances: Float, weak_mm: Sequence[float]) -> OfBody:
+        shared = of.white(self._shared)
+        found = posterior(of.phi, gamma, of.data, of.mean, shared, self._open_mm2, weak_mm)
+        a = of.white.weights(found.weights)
         of_slope = np.zeros((len(self._used), 2))
         of_slope[self._used] = a.reshape(2, -1).T
         constant = Linear(self._ring * (1.0 + float(a @ self._gradient)), of_slope)
-        evidence = found.evidence - white.log_size - COST * np.count_nonzero(variances)
-        fit = Fit(self._ring, self._of_h[1], white, found.inverse)
+        evidence = found.evidence - of.white.log_size - COST * np.count_nonzero(variances)
+        fit = Fit(self._ring, self._of_h[1], of.white, found.root)
         return OfBody(constant, found.variance, evidence, variances, fit)
 
-    def _learned(
-        self, phi: Float, white: Whitening, loads: Loads, start: Float | None
-    ) -> tuple[Whitening, Float]:
-        """The noise, with the error of the dents that is found, and the loads' variances."""
-        seen, data = white(phi), white(self._z)
-        variances = learned_variances(seen, data, loads, start)
+    def _learned(self, dents: PossibleDents, of: _White, start: Float | None) -> tuple[_White, Float]:
+        """The equations, with the error of the dents that is found, and the loads' variances."""
+        variances = learned_variances(of.phi, of.data, dents.loads, start)
         noise2 = np.concatenate([np.diag(one) for one in self._noise])
         steep = self._slope2 > _STEEP**2 * noise2
         if steep.any():
-            some = seen[:, variances > 0.0]
-            whole = np.eye(len(data)) + (some * variances[variances > 0.0]) @ some.T
-            left = white.back(np.linalg.solve(whole, data))
+            some = of.phi[:, variances > 0.0]
+            whole = np.eye(len(of.data)) + (some * variances[variances > 0.0]) @ some.T
+            left = of.white.back(np.linalg.solve(whole, of.data))
             error2 = 1.3 * float((left**2 - noise2)[steep].mean() / self._slope2[steep].mean())
-            if error2 > _MODEL**2:
-                white = Whitening(self._noise, min(error2, _MOST_MODEL**2) * self._slope2)
-                variances = learned_variances(white(phi), white(self._z), loads, variances)
-        return white, variances
+            if error2 > of.error2:
+                of = self._white(dents, min(error2, _MOST_MODEL**2))
+                variances = learned_variances(of.phi, of.data, dents.loads, variances)
+        return of, variances

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.surface.block_readings import BlockReadings
@@ -33,18 +34,21 @@ class Linear:
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """How well slopes agree with what was learned. ring: (blocks,); gradient: (blocks, 2) of h, 1/mm."""
+    """How well slopes agree with what was learned. ring: (blocks,); gradient: (blocks, 2) of h, 1/mm.
+
+    root: lower root of the white data's covariance.
+    """
 
     ring: Float
     gradient: Float
     white: Whitening
-    inverse: Float
+    root: Float
 
     def chi2(self, read: BlockReadings, used: Mask) -> float:
         """Chi2 over the number of data; about 1 where they agree, less where more could press than does."""
         z = (read.slope - float(self.ring @ read.ratio) * self.gradient)[used].T.ravel()
-        white = self.white(z)
-        return float(white @ self.inverse @ white) / len(white)
+        over = solve_triangular(self.root, self.white(z), lower=True, check_finite=False)
+        return float(over @ over) / len(over)
 
 
 @dataclass(frozen=True, slots=True)
