@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from surface_bench import Gauss, Tail
+from surface_bench import Load, Tail
 
 from zeromethod.simulation.press import Dent, Mirror, Shape
 from zeromethod.surface import SurfaceReader
@@ -20,13 +20,13 @@ def ball(bench, shift_mm):
 
 
 DENTS = {
-    "still": lambda bench, _: Gauss(0.0, bench.centre_mm, 0.0, 5.0),
-    "pressed": lambda bench, _: Gauss(0.2, bench.centre_mm, 0.0, 5.0),
-    "sliding": lambda bench, k: Gauss(0.2, bench.centre_mm + 0.16 * k, 0.0, 5.0),
-    "pressed deeper": lambda bench, k: Gauss(0.1 + 0.012 * k, bench.centre_mm, 0.0, 5.0),
+    "still": lambda bench, _: Load(0.0, bench.centre_mm, 0.0, 5.0),
+    "pressed": lambda bench, _: Load(0.2, bench.centre_mm, 0.0, 5.0),
+    "sliding": lambda bench, k: Load(0.2, bench.centre_mm + 0.16 * k, 0.0, 5.0),
+    "pressed deeper": lambda bench, k: Load(0.1 + 0.012 * k, bench.centre_mm, 0.0, 5.0),
     "a far field": lambda bench, k: Tail(0.05 + 0.001 * k, bench.centre_mm, 0.0, 2.0),
     "folding": lambda bench, k: ball(bench, 0.07 * k),
-    "contact": lambda bench, k: Gauss(0.1, bench.centre_mm + 0.07 * k, 0.0, 4.0),
+    "contact": lambda bench, k: Load(0.1, bench.centre_mm + 0.07 * k, 0.0, 4.0),
 }
 
 

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.interpolate import RBFInterpolator
-from surface_bench import Gauss
+from surface_bench import Load
 
 from zeromethod.surface.integrate import SlopeIntegrator
 from zeromethod.surface.multigrid import LatticeSolution
@@ -75,7 +75,7 @@ def test_samples_stay_on_the_island_and_begin_with_a_few_all_over_it():
 
 
 def test_a_nodes_own_variance_is_that_of_its_weights_with_holes(small):
-    warp = small.warp(Gauss(0.05, small.centre_mm, 0.0, 3.0))
+    warp = small.warp(Load(0.05, small.centre_mm, 0.0, 3.0))
     warp.flags[14:19, 18:24] |= np.uint16(Flag.LIGHT_LOST)
     warp.flags[20, 25::2] |= np.uint16(Flag.LIGHT_LOST)
     reader = small.reader.__class__(small.rig, small.optics, small.grid)
@@ -131,9 +131,9 @@ def test_the_spline_goes_through_its_values_and_is_the_thin_plates():
 
 def test_sigma_after_a_sudden_change_is_on_the_safe_side_at_once_and_exact_some_readings_later(small):
     reader = small.reader.__class__(small.rig, small.optics, small.grid)
-    reader.follow(small.warp(Gauss(0.0, small.centre_mm, 0.0, 5.0)))
+    reader.follow(small.warp(Load(0.0, small.centre_mm, 0.0, 5.0)))
     generator = np.random.default_rng(5)
-    dent = small.warp(Gauss(0.2, small.centre_mm, 0.0, 4.0), generator)
+    dent = small.warp(Load(0.2, small.centre_mm, 0.0, 4.0), generator)
     dent.flags[:, :9] |= np.uint16(Flag.LIGHT_LOST)
     taken = reader._noise._map._sampled
     first = reader.follow(dent)
@@ -155,7 +155,7 @@ def test_sigma_after_a_sudden_change_is_on_the_safe_side_at_once_and_exact_some_
     # the same weights, and noise of the same reading: what is left is the rescaling
     np.testing.assert_allclose(last.sigma_depth_mm[last.valid], exact.sigma_depth_mm[last.valid], rtol=0.02)
     sampled = reader._noise._map._sampled
-    reader.follow(small.warp(Gauss(0.0, small.centre_mm, 0.0, 5.0)))
+    reader.follow(small.warp(Load(0.0, small.centre_mm, 0.0, 5.0)))
     reader.follow(dent)
     # a mask that comes back, as of a dent that hides nodes while it moves, needs none
     assert reader._noise._map._sampled is sampled
@@ -164,8 +164,8 @@ def test_sigma_after_a_sudden_change_is_on_the_safe_side_at_once_and_exact_some_
 def test_sigma_after_new_weights_and_a_lost_strip_comes_close_with_the_first_few_samples(small):
     """14 % on the safe side before there are any: two leave a third of that, eight less than 2 %."""
     reader = small.reader.__class__(small.rig, small.optics, small.grid)
-    reader.follow(small.warp(Gauss(0.0, small.centre_mm, 0.0, 5.0)))
-    dent = small.warp(Gauss(0.2, small.centre_mm, 0.0, 4.0), np.random.default_rng(5))
+    reader.follow(small.warp(Load(0.0, small.centre_mm, 0.0, 5.0)))
+    dent = small.warp(Load(0.2, small.centre_mm, 0.0, 4.0), np.random.default_rng(5))
     dent.flags[:, :9] |= np.uint16(Flag.LIGHT_LOST)
     valid = reader.follow(dent).valid
     exact = small.reader.__class__(small.rig, small.optics, small.grid).read(dent).sigma_depth_mm
@@ -175,7 +175,7 @@ def test_sigma_after_new_weights_and_a_lost_strip_comes_close_with_the_first_few
 
 
 def test_sigma_between_the_samples_is_that_of_the_covariance(full):
-    dent = Gauss(0.0, full.centre_mm, 0.0, 5.0)
+    dent = Load(0.0, full.centre_mm, 0.0, 5.0)
     ratio = stated_over_exact(full, full.reader.read(full.warp(dent)))
     # thin-plate spline of the logarithm over a rough one, 13 x 13 points: 1 % rms, 4 % at most
     assert np.abs(ratio - 1).max() < 0.06
@@ -184,9 +184,9 @@ def test_sigma_between_the_samples_is_that_of_the_covariance(full):
 
 def test_a_press_rescales_the_map_without_new_samples(full):
     """The dent stretches the warp and so the noise there, by up to a third in sigma."""
-    full.reader.read(full.warp(Gauss(0.0, full.centre_mm, 0.0, 5.0)))
+    full.reader.read(full.warp(Load(0.0, full.centre_mm, 0.0, 5.0)))
     sampled = full.reader._noise._map._sampled
-    surface = full.reader.read(full.warp(Gauss(0.2, full.centre_mm, 0.0, 5.0)))
+    surface = full.reader.read(full.warp(Load(0.2, full.centre_mm, 0.0, 5.0)))
     assert full.reader._noise._map._sampled is sampled
     ratio = stated_over_exact(full, surface)
     assert np.median(ratio) == pytest.approx(1.0, abs=0.02)
@@ -195,9 +195,9 @@ def test_a_press_rescales_the_map_without_new_samples(full):
 
 
 def test_a_moved_anchor_is_accounted_for_without_new_samples(small):
-    small.reader.read(small.warp(Gauss(0.05, small.centre_mm - 12.0, -5.0, 5.0)))
+    small.reader.read(small.warp(Load(0.05, small.centre_mm - 12.0, -5.0, 5.0)))
     sampled, anchor = small.reader._noise._map._sampled, small.reader._noise._map._anchor
-    surface = small.reader.read(small.warp(Gauss(0.05, small.centre_mm + 12.0, 5.0, 5.0)))
+    surface = small.reader.read(small.warp(Load(0.05, small.centre_mm + 12.0, 5.0, 5.0)))
     assert small.reader._noise._map._sampled is sampled
     assert small.reader._noise._map._anchor is not anchor
     ratio = stated_over_exact(small, surface)
@@ -209,10 +209,10 @@ def test_nodes_that_come_back_after_a_hole_have_their_own_sigma(small):
     hole = np.zeros(small.grid.shape, bool)
     hole[14:19, 18:24] = True
     for shift_mm, y_mm in ((-12.0, -5.0), (12.0, 5.0)):
-        warp = small.warp(Gauss(0.05, small.centre_mm + shift_mm, y_mm, 5.0))
+        warp = small.warp(Load(0.05, small.centre_mm + shift_mm, y_mm, 5.0))
         warp.flags[hole] |= np.uint16(Flag.LIGHT_LOST)
         holed = small.reader.read(warp)
-    surface = small.reader.read(small.warp(Gauss(0.05, small.centre_mm + 12.0, 5.0, 5.0)))
+    surface = small.reader.read(small.warp(Load(0.05, small.centre_mm + 12.0, 5.0, 5.0)))
     assert not holed.valid[hole].any()
     ratio = stated_over_exact(small, surface, hole)
     # it was 1.12 while samples were kept
@@ -220,7 +220,7 @@ def test_nodes_that_come_back_after_a_hole_have_their_own_sigma(small):
 
 
 def test_holes_and_odd_shapes_are_sampled_again(small):
-    warp = small.warp(Gauss(0.0, small.centre_mm, 0.0, 5.0))
+    warp = small.warp(Load(0.0, small.centre_mm, 0.0, 5.0))
     warp.flags[12:20, 15:22] |= np.uint16(Flag.LIGHT_LOST)
     warp.flags[25:, :20] |= np.uint16(Flag.LIGHT_LOST)
     ratio = stated_over_exact(small, small.reader.read(warp))
@@ -230,7 +230,7 @@ def test_holes_and_odd_shapes_are_sampled_again(small):
 
 
 def test_sigma_scales_with_the_warp_without_new_samples(small):
-    warp = small.warp(Gauss(0.0, small.centre_mm, 0.0, 5.0))
+    warp = small.warp(Load(0.0, small.centre_mm, 0.0, 5.0))
     once = small.reader.read(warp)
     sampled = small.reader._noise._map._sampled
     twice = small.reader.read(replace(warp, sigma=2 * warp.sigma))
@@ -245,7 +245,7 @@ def test_single_frame_noise_at_rest_on_the_full_grid(full):
     generator = np.random.default_rng(2)
     squares = []
     for _ in range(6):
-        surface = full.reader.read(full.warp(Gauss(0.0, full.centre_mm, 0.0, 5.0), generator))
+        surface = full.reader.read(full.warp(Load(0.0, full.centre_mm, 0.0, 5.0), generator))
         assert surface.anchor.sigma_mm < 20e-6
         squares.append(surface.depth_mm[surface.valid] ** 2)
     # 8 nm in the middle; towards P0 the mirror is within 1 mm of the LCD, where the lever is gone
