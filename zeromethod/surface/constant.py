@@ -117,10 +117,14 @@ class LoadConstant:
         It is as deep as its slopes make it over half of the view.
         """
         ring = self._ring(read)
+        constant_mm = float(ring @ read.ratio)
         extent_mm = float(np.hypot(np.ptp(self._x), np.ptp(self._y)))
-        z2 = ((read.slope - float(ring @ read.ratio) * self._gradient) ** 2).sum(axis=1)
-        steep = np.sqrt(float(ring @ np.maximum(z2, 0.0)))
-        return float(ring @ read.ratio), 0.5 * extent_mm * steep
+        steep2 = ((read.slope - constant_mm * self._gradient) ** 2).sum(axis=1)
+        return constant_mm, 0.5 * extent_mm * float(np.sqrt(ring @ steep2))
+
+    def open_constant(self, read: BlockReadings, other: BlockReadings) -> float:
+        """That constant of other values in the ring of a reading."""
+        return float(self._ring(read) @ other.ratio)
 
     def _ring(self, read: BlockReadings) -> Float:
         """(blocks,) weights of the border, larger where it is flat."""
