@@ -1,7 +1,8 @@
 """The constant of one reading, chosen while its passes settle.
 
-The shape settles first, with the constant that it started from. Then the constant is found, which moves the mirror along
-its rays, and found again from the slopes there until it stays: 0.1 mm changes what is found by an error of 1 %.
+The shape settles first, with the constant that it started from. Then the constant is found, which moves the
+mirror along its rays, and found again from the slopes there until it stays: 0.1 mm changes what is found by
+an error of 1 %.
 """
 
 from __future__ import annotations
