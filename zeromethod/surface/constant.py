@@ -28,12 +28,12 @@ from zeromethod.mechanics.gaussian_load import Elastic
 from zeromethod.mechanics.load_posterior import WEAK_MM, posterior
 from zeromethod.mechanics.load_variances import COST, learned_variances, spread_variances
 from zeromethod.mechanics.possible_loads import possible_loads
+from zeromethod.mechanics.whitening import Whitening
 from zeromethod.surface.block_readings import BlockReader, BlockReadings
 from zeromethod.surface.blocks import Blocks
 from zeromethod.surface.integrate import LinearIntegration
 from zeromethod.surface.learned import Fit, Learned, Linear, OfBody
 from zeromethod.surface.possible_dents import PossibleDents
-from zeromethod.surface.whitening import Whitening
 
 _RING = 0.2
 """Width of the ring over the view's shorter side."""
@@ -138,7 +138,7 @@ class LoadConstant:
     def _noise_of_view(
         self, ring: Float, variance: Float, island: Mask, linear: LinearIntegration
     ) -> tuple[Float, float]:
-        """Noise of the view's mean depth / h less the ring's: covariance with slopes (blocks, 2), variance."""
+        """Noise of the view's mean depth / h less the ring's: its covariance with slopes, its variance."""
         count = np.maximum(self._blocks.sums(island.astype(np.float64)), 1.0)
         of_ring = self._blocks.spread(ring / count) * island
         of_view = self._scale**2 * island

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from zeromethod.arrays import Float, Mask
+from zeromethod.mechanics.whitening import Whitening
 from zeromethod.surface.block_readings import BlockReadings
-from zeromethod.surface.whitening import Whitening
 
 _UNSURE = 10.0
 """Nats by which evidences of bodies are unsure: loads are learned one by one, and may be others as well."""
