@@ -42,7 +42,7 @@ from benchmarks.hand_presses import MOST_SLOPE
 from benchmarks.loads import HELD, Load, Pressed, held_prism, rough
 from benchmarks.peaks import LEVER_MM, RING_CURVATURE, middle_of_the_view
 from benchmarks.report import Report, benchmark, figure, start
-from benchmarks.rigs import changed, coarser
+from benchmarks.rigs import coarser
 from benchmarks.salt import generator, held_out, salt_option
 from benchmarks.totals import SIGMAS, estimate, rate, rms
 from zeromethod.arrays import Float
@@ -355,11 +355,9 @@ def anchored(view: View, reader: SurfaceReader, surface: Surface, dent: DepthFie
     return off, reader.covariance(surface).variance_of(weights).sigma
 
 
-def constants(count: int, constant: str | None) -> dict[str, dict[str, list[Read]]]:
-    """By group and row: those of `count` dents of every case. constant: key of the rig's [surface]."""
+def constants(count: int) -> dict[str, dict[str, list[Read]]]:
+    """By group and row: those of `count` dents of every case."""
     rig = load_rig("simulated")
-    if constant is not None:
-        rig = changed(rig, surface={"constant": constant})
     coarse, half, middle = views = [
         View(one) for one in (coarser(rig, 4), coarser(rig, 2), middle_of_the_view(rig))
     ]
@@ -426,12 +424,12 @@ BARS: dict[tuple[str, str], tuple[float | None, float | None]] = {
 """Least and most of a group's figures."""
 
 
-def report(count: int, constant: str | None = None, against: Path | None = None) -> Report:
+def report(count: int, against: Path | None = None) -> Report:
     """A row for every family and group, and the groups' figures."""
     scenes = f"{count} of each family, salt {held_out()!r}"
     others = {} if against is None else _others(against, scenes)
     rows, figures, worst = {}, [], 0.0
-    for group, families in constants(count, constant).items():
+    for group, families in constants(count).items():
         families["all"] = [read for reads in families.values() for read in reads]
         for name, reads in families.items():
             row = rows[f"{group}: {name}"] = row_of(reads)
@@ -470,7 +468,6 @@ def _others(file: Path, scenes: str) -> dict[str, Row]:
     "anchors",
     __doc__,
     click.option("--dents", type=Whole(min=2), default=DENTS, show_default=True, help="Of each family."),
-    click.option("--constant", type=click.Choice(("quiet", "loads")), help="Key of the rig's [surface]."),
     click.option(
         "--against",
         type=click.Path(exists=True, dir_okay=False, path_type=Path),
@@ -478,9 +475,9 @@ def _others(file: Path, scenes: str) -> dict[str, Row]:
     ),
     salt_option,
 )
-def command(quick: bool, dents: int, constant: str | None, against: Path | None) -> Report:
+def command(quick: bool, dents: int, against: Path | None) -> Report:
     """Run everything."""
-    return report(QUICK if quick else dents, constant, against)
+    return report(QUICK if quick else dents, against)
 
 
 if __name__ == "__main__":

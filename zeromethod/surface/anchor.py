@@ -1,4 +1,4 @@
-"""Where depth's constant is taken from: a rim declared to be at rest, or the loads that explain the slopes."""
+"""Where depth's constant comes from: a rim declared to be at rest, or the loads that explain the slopes."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ def _no_constant(_slope: Float, _ratio: Float) -> float:
 class RestFit:
     """Weights (rows, cols), adding up to 1, of depth / h whose mean is known; its systematic sigma in mm.
 
-    far_field_mm: that mean; 0 where the nodes count as at rest. false_constant: what slopes (rows, cols, 2) that no mirror
-    makes, read as depth / h of that mean 0, add to the constant, mm.
+    far_field_mm: that mean; 0 where the nodes count as at rest. false_constant: what slopes (rows, cols, 2)
+    that no mirror makes, read as depth / h of that mean 0, add to the constant, mm.
     """
 
     mode: Literal["known", "loads"]

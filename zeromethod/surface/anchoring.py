@@ -1,7 +1,8 @@
 """The constant of one reading, chosen while its passes settle.
 
-The shape settles first, with the constant that it started from. Then the constant is found, which moves the mirror along
-its rays, and found again from the slopes there until it stays: 0.1 mm changes what is found by an error of 1 %.
+The shape settles first, with the constant that it started from. Then the constant is found, which moves the
+mirror along its rays, and found again from the slopes there until it stays: 0.1 mm changes what is found by
+an error of 1 %.
 """
 
 from __future__ import annotations
@@ -69,7 +70,7 @@ class Anchoring:
         if known is not None:
             return known.weights
         weights = np.where(read.island, self._scale**2, 0.0)
-        return weights / weights.sum()
+        return np.asarray(weights / weights.sum())
 
     def _known(self, read: PassResult) -> RestFit | None:
         if not self._known_rest:

@@ -86,9 +86,9 @@ class BenchDrift:
     ) -> tuple[RestFit, list[Float]]:
         """The fit with its sigma, and independent errors (rows, cols) of depth, mm, of one sigma each.
 
-        They are the same in every frame: the anchor's own; that of known nodes which are not at rest; drift of
-        the bench; and steps at a saw's seams, whose nodes, (rows, cols), are `seam`. Drift and steps are wrong
-        slopes, which make a wrong constant as well.
+        They are the same in every frame: the anchor's own; that of known nodes which are not at rest; drift
+        of the bench; and steps at a saw's seams, whose nodes, (rows, cols), are `seam`. Drift and steps are
+        wrong slopes, which make a wrong constant as well.
         """
         x, y, island = read.x_mm, read.y_mm, self._integrator.island
         errors, wrong = [], []

@@ -1,8 +1,8 @@
 """The constant of frame after frame: what was learned serves many, and is learned again beside them.
 
-Learning takes a tenth of a second and more. In readings that follow each other it runs in a thread of its own, from one
-frame's slopes, and takes effect a fixed number of frames later, so that the same frames give the same depths. Until
-then sigma says how far what is read is from what was learned.
+Learning takes a tenth of a second and more. In readings that follow each other it runs in a thread of its
+own, from one frame's slopes, and takes effect a fixed number of frames later, so that the same frames give
+the same depths. Until then sigma says how far what is read is from what was learned.
 """
 
 from __future__ import annotations
@@ -23,11 +23,12 @@ from zeromethod.surface.pass_result import PassResult
 from zeromethod.worker import Worker
 
 _LAG_FRAMES = 12
-"""Frames from slopes to the weights learned from them: 0.2 s at 60 Hz, twice what learning several loads takes."""
+"""Frames from slopes to the weights learned from them: 0.2 s at 60 Hz, twice what learning several loads
+takes."""
 _EVERY_FRAMES, _AT_MOST = 60, 3
-"""One learning is allowed for so many frames, a fifth of a core at 60 Hz; so many are saved up for sudden presses."""
+"""One learning is allowed for so many frames, a fifth of a core at 60 Hz; so many are saved up at most."""
 _SAME_MM = 1e-3
-"""Constant up to which slopes at nodes are those of the true mirror to a ten-thousandth, by which loads are learned."""
+"""Constant up to which slopes are the true mirror's to a ten-thousandth: by these loads are learned."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,11 +50,14 @@ class KeptConstant:
         self._frame, self._due, self._allowed = 0, -1, float(_AT_MOST)
         self._follows, self._time_ns = False, 0
 
-    def begin(self, follows: bool, time_ns: int) -> None:
-        """Begin a reading. follows: it comes next to the one before, so that what was learned is kept."""
+    def begin(self, follows: bool, time_ns: int, learned: Learned | None) -> None:
+        """Begin a reading. follows: it comes next to the one before, so that what was learned is kept.
+
+        learned: what is to be kept instead, by whoever asks for it.
+        """
         self._follows, self._time_ns = follows and self._kept is not None, time_ns
-        if not self._follows:
-            self._kept = None
+        if learned is not None or not self._follows:
+            self._kept = learned
             return
         self._frame += 1
         self._allowed = min(self._allowed + 1.0 / _EVERY_FRAMES, _AT_MOST)
@@ -65,13 +69,14 @@ class KeptConstant:
     ) -> Constant:
         """The constant of what was read.
 
-        first: of this reading's passes; step_mm: of its constant before. last: False where slopes will change yet.
+        first: of this reading's passes; step_mm: of its constant before. last: False where slopes change yet.
         """
         constant = self._constant
         blocks = constant.reader.read(read)
         false_constant = partial(self._false, read, blocks)
         if not constant.knows_body:
-            return Constant(*constant.open(blocks), false_constant)
+            kept = self._kept
+            return Constant(*(constant.open if kept is None else kept.of)(blocks), false_constant)
         alike = self._kept is not None and np.array_equal(self._kept.used, blocks.used)
         x, y = read.point[..., 0], read.point[..., 1]
         learn = partial(constant.learn, blocks, read.variance, read.island, integrator.linear(x, y))
@@ -104,9 +109,9 @@ class KeptConstant:
         return self._kept.likeliest.constant(false)
 
     @property
-    def learned_ns(self) -> int:
-        """Time of the picture that the weights in use were learned from; 0 before the first."""
-        return 0 if self._kept is None else self._kept.from_ns
+    def learned(self) -> Learned | None:
+        """What serves now; None where nothing was learned."""
+        return self._kept
 
 
 @contextmanager

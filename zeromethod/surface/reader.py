@@ -19,12 +19,13 @@ from zeromethod.surface.anchor import NodeReadings, RestFit
 from zeromethod.surface.bench_drift import BenchDrift
 from zeromethod.surface.bridge import ReadNodes, bridge, cut_off_parts
 from zeromethod.surface.constant import LoadConstant
-from zeromethod.surface.kept_constant import KeptConstant
 from zeromethod.surface.covariance import DepthCovariance
 from zeromethod.surface.depth_scale import depth_scale
 from zeromethod.surface.hidden import HiddenDepth
 from zeromethod.surface.holes import fold_per_mm
 from zeromethod.surface.integrate import LinearIntegration, SlopeIntegrator, largest_island
+from zeromethod.surface.kept_constant import KeptConstant
+from zeromethod.surface.learned import Learned
 from zeromethod.surface.lever import Lever
 from zeromethod.surface.node_passes import (
     at_rest_where_unknown,
@@ -76,8 +77,8 @@ class SurfaceReader:
     grid : NodeGrid
         Nodes of the warps; the rays of its measurable nodes are traced once.
     with_sigma : bool
-        Without, the depths are the same and their sigma is NaN; a bench that moved is not looked for. For
-        whoever asks many candidate rigs for depths alone: it takes half the time.
+        Without, sigma is NaN, and neither loads nor a bench that moved are looked for: depth's constant is
+        that of the loads that another reader learned. For whoever asks many candidate rigs for depths alone.
 
     Raises
     ------
@@ -161,7 +162,12 @@ class SurfaceReader:
         """
         return self._scale
 
-    def read(self, warp: Warp, previous: Surface | None = None) -> Surface:
+    @property
+    def learned(self) -> Learned | None:
+        """Which loads were learned to press; None before the first reading, and where none are looked for."""
+        return self._constant.learned
+
+    def read(self, warp: Warp, previous: Surface | None = None, learned: Learned | None = None) -> Surface:
         """Slope and depth from a measured warp.
 
         Parameters
@@ -171,6 +177,9 @@ class SurfaceReader:
         previous : Surface, optional
             A surface read shortly before, to start from: saves passes, and keeps which loads were learned to
             press; these are learned anew beside the readings that follow.
+        learned : Learned, optional
+            What another reader of the same lattice learned of this press (`SurfaceReader.learned`), to be
+            kept.
 
         Returns
         -------
@@ -187,7 +196,7 @@ class SurfaceReader:
         if self._drift is not None:
             self._drift.look(warp)
         start = None if previous is None else self._start(warp.time_ns, previous)
-        self._constant.begin(previous is not None, warp.time_ns)
+        self._constant.begin(previous is not None, warp.time_ns, learned)
         inner, measured, seam, depth = self._grid.inner, warp, None, np.zeros(self._usable.shape)
         for last in [True] if self._seams is None else PASSES:
             if self._seams is not None:

@@ -16,8 +16,8 @@ from zeromethod.arrays import Float, Mask
 from zeromethod.rig.model import KnownRest
 from zeromethod.surface.anchor import RestFit
 from zeromethod.surface.anchoring import Anchoring
-from zeromethod.surface.kept_constant import KeptConstant
 from zeromethod.surface.integrate import SlopeIntegrator, fill_in
+from zeromethod.surface.kept_constant import KeptConstant
 from zeromethod.surface.pass_result import PassResult
 from zeromethod.surface.rays import MirrorRays
 
@@ -68,8 +68,8 @@ class Settling:
         """Depth of the largest island of usable nodes (rows, cols).
 
         q: (rows, cols, 2) LCD px, NaN off the usable nodes. variance: (rows, cols, 2) rad^2 of slope. start:
-        a depth (rows, cols) shortly before, mm, NaN where unknown; None for the mirror at rest. last: False where
-        slopes are carried across seams by what is read, and are off until then.
+        a depth (rows, cols) shortly before, mm, NaN where unknown; None for the mirror at rest. last: False
+        where slopes are carried across seams by what is read, and are off until then.
         """
         integrator, scale = self._integrator, self._scale
         island = integrator.prepare(usable, variance)

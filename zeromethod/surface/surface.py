@@ -20,8 +20,8 @@ class Anchor:
     Attributes
     ----------
     mode : {"known", "loads", "quiet", "none"}
-        The rig's rectangles at rest; the loads on the rubber that explain the slopes; in recordings of 0.2 the
-        quietest part of the border; or nothing was read.
+        The rig's rectangles at rest; the loads on the rubber that explain the slopes; in recordings of 0.2
+        the quietest part of the border; or nothing was read.
     mask : (rows, cols) bool
         Nodes used.
     sigma_mm : float
