@@ -4,7 +4,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
-
 from scipy.special import i0e, i1e
 
 from benchmarks.anchors import View
@@ -83,6 +82,12 @@ class Bench(View):
     def error(self, surface: Surface, dent: DepthField) -> np.ndarray:
         """Read minus planted depth at the valid nodes, flat."""
         return (surface.depth_mm - self.truth(dent))[surface.valid]
+
+    def constant_and_shape(self, surface: Surface, dent: DepthField) -> tuple[float, np.ndarray]:
+        """The same in two: the multiple of h that slopes leave open, mm, and the rest."""
+        error, h = self.error(surface, dent), self.reader.scale[surface.valid[self.grid.inner]]
+        constant = float((error * h).sum() / (h * h).sum())
+        return constant, error - constant * h
 
 
 def small_rig(rest: RestSurface | None = None, known_rest: tuple[KnownRest, ...] = ()) -> Rig:

