@@ -42,8 +42,9 @@ class PlantedFrames:
     def grid(self) -> NodeGrid:
         return NodeGrid.of_rig(self.rig)
 
-    @cached_property
+    @property
     def reader(self) -> FineReader:
+        """One that has read nothing yet: what a reader learned of one press it keeps for some frames of the next."""
         return FineReader(self.rig, self.optics, self.grid, divide=False)
 
     @cached_property

@@ -62,5 +62,6 @@ def test_a_press_read_from_a_zero_with_a_wrong_rig_is_within_its_sigma(rest, wro
     )
     bare, found = (peak(reader.read(one)) for one in (warp, stated))
     away = abs(found.depth_mm - DEPTH_MM)
-    assert away > 5 * bare.sigma_mm
+    # more than noise and the constant may be
+    assert away > 3 * bare.sigma_mm
     assert away < 2 * found.sigma_mm < 0.02 * DEPTH_MM
