@@ -206,9 +206,8 @@ class _View:
     def _outside(self, of: _White, root: Float, gamma: Float, loads: Loads) -> Outside:
         """What of the loads presses beyond the mirror's points that are seen."""
         low, high = self._view
-        beyond = (
-            (loads.x_mm < low[0]) | (loads.x_mm > high[0]) | (loads.y_mm < low[1]) | (loads.y_mm > high[1])
-        )
+        place = np.stack([loads.x_mm, loads.y_mm], axis=-1)
+        beyond = ((place < low) | (place > high)).any(axis=-1)
         q = np.where(beyond, loads.q_mm2, 0.0)
         over = solve_triangular(root, np.stack([of.phi @ (gamma * q), of.data], axis=1), lower=True)
         pressed = gamma * (of.phi.T @ solve_triangular(root, over[:, 1], lower=True, trans=1)) * q
