@@ -58,7 +58,7 @@ class Fit:
 class OfBody:
     """The constant as one body has it, its variance, mm^2, and that body's evidence, nats.
 
-    variances: (loads,) of all loads. outside: what of them presses outside the view. others: as bodies have it
+    variances: (loads,) of all loads. outside: what of them is outside the view. others: as bodies have it
     that are one standard deviation away.
     """
 
