@@ -5,8 +5,8 @@ import pytest
 
 from zeromethod.mechanics.body import body_of
 from zeromethod.rig.load import load_rig
-from zeromethod.rubber.correction import mirror_response
-from zeromethod.rubber.prism import HeldPrism
+from zeromethod.simulation.elements.correction import mirror_response
+from zeromethod.simulation.elements.prism import HeldPrism
 
 RIG = load_rig("simulated")
 PLACES = np.array([[20.0, 30.0, 42.0, 55.0, 60.0], [-14.0, 3.0, 18.0, -6.0, 10.0]])

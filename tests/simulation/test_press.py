@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from zeromethod.rig.tables import Rubber
+from zeromethod.simulation.loads import load, ring, rod, rough
 from zeromethod.simulation.press import Dent, Mirror, Shape, contact_radius_mm
 
 _SIDE = np.linspace(-1, 1, 13)
@@ -15,6 +17,11 @@ DENTS = [
     Dent(Shape.CONE, 1.0, -2.0, 0.2, 1.3),
     Dent(Shape.EDGE, 1.0, -2.0, 0.1, 0.8, length_mm=4.0, angle_deg=25.0),
     Dent(Shape.MAP, 1.0, -2.0, 0.1, 0.4, angle_deg=-70.0, map=_BUMP),
+    load(1.0, -2.0, 0.2, 1.1),
+    load(1.0, -2.0, -0.2, 1.1, Rubber(support="sliding", thickness_mm=2.0)),
+    ring(1.0, -2.0, 0.2, 2.5, 0.7),
+    rod(1.0, -2.0, 0.2, 4.0, 0.7, 25.0),
+    rough(1.0, -2.0, 0.2, 3.0, 1.0, 5),
 ]
 
 

@@ -96,7 +96,10 @@ BACK = "[[press]]\nshape = 'ball'\nradius_mm = 3\npath = [{time_s=1,x_mm=0,y_mm=
         (PAD + "sigma_mm = nan", "press[0].sigma_mm: nan: a number above 0"),
         (PAD + "sigma_mm = 1\nradius = 2", "press[0].radius: unknown key: did you mean radius_mm?"),
         (PAD + "sigma_mm = 1\nradius_mm = 2", "press[0].radius_mm: 2.0: not for shape 'gaussian'"),
-        (PAD.replace("gaussian", "pyramid"), 'press[0].shape: "pyramid": one of "gaussian", "ball", "cone"'),
+        (
+            PAD.replace("gaussian", "pyramid"),
+            'press[0].shape: "pyramid": one of "load", "ring", "rod", "rough", ',
+        ),
         ("[[press]]\nshape = 'ball'\npath = []", "press[0].path: []: a list that is not empty"),
         (BACK + "{time_s=0,x_mm=0,y_mm=0,depth_mm=0}]", "press[0].path: [1.0, 0.0]: time_s must not fall"),
         ("[[phase]]\nname = 'hold'\nfrom_s = 2\nto_s = 1", "phase[0].to_s: 1.0: above from_s"),

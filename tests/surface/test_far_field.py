@@ -6,8 +6,8 @@ from numpy.polynomial import chebyshev
 
 from zeromethod.mechanics.body import body_of
 from zeromethod.rig.load import load_rig
-from zeromethod.rubber.correction import mirror_response
-from zeromethod.rubber.prism import HeldPrism
+from zeromethod.simulation.elements.correction import mirror_response
+from zeromethod.simulation.elements.prism import HeldPrism
 from zeromethod.surface.far_field import BodyOnNodes, fit_far_field
 from zeromethod.surface.far_field_laws import Nodes
 from zeromethod.surface.far_field_starts import centre

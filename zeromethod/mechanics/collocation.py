@@ -2,7 +2,7 @@
 
 A load on the mirror of a half-space leaves the places of the body's faces displaced and stressed. Forces
 outside the body, whose fields inside it are exact, take away in least squares what the faces' supports do not
-allow. There are no elements: with those of `zeromethod.rubber` it shares the half-space's closed form alone.
+allow. There are no elements: with those of the simulated bench it shares nothing.
 Source: Fairweather & Karageorghis 1998, Advances in Computational Mathematics 9, 69,
 doi:10.1023/A:1018981221740.
 """
@@ -16,8 +16,8 @@ from scipy.linalg import lstsq
 
 from zeromethod.arrays import Float
 from zeromethod.mechanics import kelvin
+from zeromethod.mechanics.boussinesq import HalfSpaceForce
 from zeromethod.mechanics.faces import FacePoints
-from zeromethod.rubber.boussinesq import HalfSpaceForce
 
 _FLIP = np.array([1.0, -1.0, 1.0])
 """Of the components of a vector in its image beyond y = 0."""

@@ -19,6 +19,10 @@ from zeromethod.simulation.press import Dent
 
 HALF_SPACE = Rubber(support="free")
 """Rubber whose other faces do not matter."""
+LEAST_WIDTH_MM = 0.1
+"""Maps of narrower loads have more than 1600 samples a side."""
+MOST_WIDTHS = 25
+"""Of a ring's or rough disc's radius, or a rod's length, in widths: maps then have at most 1043 a side."""
 _REACH_MM = 100.0
 """Farthest of a mirror from what presses it."""
 

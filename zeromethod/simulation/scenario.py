@@ -13,12 +13,13 @@ from zeromethod.simulation.cloth import Cloth, cloth_of
 from zeromethod.simulation.contact.bow import on_rest
 from zeromethod.simulation.contact.path import ObjectPath
 from zeromethod.simulation.contact.scene import scene_of
+from zeromethod.simulation.load_path import LoadPath, dents_of
 from zeromethod.simulation.path import Press
 from zeromethod.simulation.press import Mirror
 from zeromethod.simulation.press_file import Phase, read_press_file
 
 RUBBER, FLAT = Rubber(), RestSurface()
-"""What objects press on where no rig says."""
+"""What loads and objects press on where no rig says."""
 
 
 @dataclass(frozen=True)
@@ -26,8 +27,9 @@ class Scenario:
     """Presses as they move, and the names of the run's parts.
 
     duration_s: how long a run of it lasts. phases: marks for a report ("hold", "slide"); they change
-    nothing in the physics. objects: hard ones, solved in contact with the rubber. prism: that of the rubber,
-    with its mirror at rest; None for a flat mirror. cloth: what lies on it.
+    nothing in the physics. presses: dents by formula or map, whatever the rubber. loads: what presses the
+    rubber. objects: hard ones, solved in contact with it. prism: that of the rubber, with its mirror at rest;
+    None for a flat mirror. cloth: what lies on it.
     """
 
     name: str
@@ -38,10 +40,13 @@ class Scenario:
     rubber: Rubber = RUBBER
     prism: Prism | None = None
     cloth: Cloth | None = None
+    loads: tuple[LoadPath, ...] = ()
 
     def mirror_at(self, time_ns: int) -> Mirror:
         """Return the mirror at `time_ns`; mirrors that are alike compare equal."""
-        dents = (press.dent_at(time_ns) for press in self.presses)
+        dents = [press.dent_at(time_ns) for press in self.presses]
+        pressed = [load.pressed_at(time_ns) for load in self.loads]
+        dents += dents_of([each for each in pressed if each is not None], self.rubber, self.prism)
         held = (each.held_at(time_ns) for each in self.objects)
         rest = FLAT if self.prism is None else self.prism.rest
         objects = [on_rest(each, rest) for each in held if each is not None]
@@ -59,8 +64,8 @@ class Scenario:
         return any(press.moving(from_ns, to_ns) for press in self._moved)
 
     @property
-    def _moved(self) -> tuple[Press | ObjectPath, ...]:
-        return (*self.presses, *self.objects)
+    def _moved(self) -> tuple[Press | LoadPath | ObjectPath, ...]:
+        return (*self.presses, *self.loads, *self.objects)
 
     def phase_at(self, time_ns: int) -> str | None:
         """Name of the part of the run that `time_ns` lies in."""
@@ -73,14 +78,16 @@ class Scenario:
 def load_scenario(name: str | Path, rubber: Rubber = RUBBER, prism: Prism | None = None) -> Scenario:
     """Scenario from a press file, or a packaged one by bare name ("default", "step", "none", ...).
 
-    rubber, prism: what hard objects press on, a rig's.
+    rubber, prism: what loads and hard objects press on, a rig's.
     Raises InputError with one line: file, key, value, what is allowed.
     """
     path = Path(name)
     if not path.suffix and path.name == str(name):
         path = resource("calibration", "presses", f"{name}.toml")
-    presses, objects, duration_s, phases = read_press_file(path, asked=str(name))
-    return Scenario(path.stem, presses, duration_s, phases, objects, rubber, prism)
+    file = read_press_file(path, asked=str(name))
+    return Scenario(
+        path.stem, file.presses, file.duration_s, file.phases, file.objects, rubber, prism, loads=file.loads
+    )
 
 
 def scenario_of(rig: Rig) -> Scenario:

@@ -1,7 +1,7 @@
 """How rubber yields under pressure: a half-space, a layer on a rigid base, or the rig's prism.
 
-What a prism adds to a half-space (`zeromethod.rubber`) is smooth, and depends on where on the mirror load and
-place are.
+What a prism adds to a half-space (`zeromethod.simulation.elements`) is smooth, and depends on where on the
+mirror load and place are.
 
 Convention: displacement > 0 into the rubber; lengths in mm, moduli and pressures in MPa, forces in N.
 """
@@ -21,7 +21,7 @@ from zeromethod.arrays import Float
 from zeromethod.errors import InputError
 from zeromethod.rig.prism_tables import Prism
 from zeromethod.rig.tables import FaceSupports, Rubber
-from zeromethod.rubber.prism import HeldPrism, PrismKernel, prism_kernel
+from zeromethod.simulation.elements.prism import HeldPrism, PrismKernel, prism_kernel
 
 _WAVES = 30.0
 """Wave number x thickness beyond which a layer yields as a half-space does: exp(-60) is left."""

@@ -7,11 +7,11 @@ from scipy.special import j0
 from skfem import MeshTri
 
 from zeromethod.rig.tables import Rubber
-from zeromethod.rubber.boussinesq import HalfSpaceForce
-from zeromethod.rubber.correction import mirror_response
-from zeromethod.rubber.elasticity import ElasticBody, line_mesh
-from zeromethod.rubber.section import Section, SectionFace, prism_section
 from zeromethod.simulation.contact.compliance import Compliance, layer_factor
+from zeromethod.simulation.elements import half_space
+from zeromethod.simulation.elements.correction import mirror_response
+from zeromethod.simulation.elements.elasticity import ElasticBody, line_mesh
+from zeromethod.simulation.elements.section import Section, SectionFace, prism_section
 
 
 def slab(x_mm, w_mm, supports):
@@ -124,10 +124,10 @@ def test_a_prism_loaded_directly_yields_as_half_space_and_correction_together():
 def test_what_a_half_space_does_to_the_faces_balances_its_force():
     body = prism_body(9)
     x, w, y = body.nodes
-    space, total, turning = HalfSpaceForce(body.shear_mpa, body.poisson), np.zeros(3), 0.0
+    total, turning = np.zeros(3), 0.0
     for side in (1.0, -1.0):
         at = x[:, None] - 30.0, side * y[None, :] - 5.0, w[:, None]
-        stress = space.stress(*np.broadcast_arrays(*at))[..., None]
+        stress = half_space.stress(*np.broadcast_arrays(*at), body.poisson)[..., None]
         loads = [
             body.face_load(face, np.where(body.on(face)[:, None, None], pulled, 0.0))
             for face in body.section.faces

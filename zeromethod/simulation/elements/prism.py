@@ -21,7 +21,7 @@ from zeromethod.rig.prism_tables import Prism
 from zeromethod.rig.tables import FaceSupports
 
 if TYPE_CHECKING:
-    from zeromethod.rubber.elasticity import ElasticBody
+    from zeromethod.simulation.elements.elasticity import ElasticBody
 
 CELLS, LINE_CELLS = 12, 8
 """Triangles along each side of the section, and cells along half the width."""
@@ -109,8 +109,8 @@ class HeldPrism:
     @cached_property
     def body(self) -> ElasticBody:
         """The prism in elements, E = 1 MPa."""
-        from zeromethod.rubber.elasticity import ElasticBody, line_mesh  # noqa: PLC0415 - loads slowly
-        from zeromethod.rubber.section import prism_section  # noqa: PLC0415 - loads slowly
+        from zeromethod.simulation.elements.elasticity import ElasticBody, line_mesh  # noqa: PLC0415 - loads slowly
+        from zeromethod.simulation.elements.section import prism_section  # noqa: PLC0415 - loads slowly
 
         faces = self.supports.pattern, self.supports.camera
         cells = round(CELLS * self.refined)
@@ -120,7 +120,7 @@ class HeldPrism:
 
     def kernel(self) -> PrismKernel:
         """Worked out: some half a minute of processor time."""
-        from zeromethod.rubber.correction import mirror_response  # noqa: PLC0415 - loads slowly
+        from zeromethod.simulation.elements.correction import mirror_response  # noqa: PLC0415 - loads slowly
 
         x, y = self._points(PLACES, 0.0)
         at_x, at_y = self._points(FORCES, INSET)

@@ -32,7 +32,7 @@ from skfem import (
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.rig.tables import Support
-from zeromethod.rubber.section import Section, SectionFace
+from zeromethod.simulation.elements.section import Section, SectionFace
 
 _LINE_GRADING = 1.4
 _ORDER = 4

@@ -2,16 +2,20 @@
 
 import numpy as np
 import pytest
+from scipy.special import ive
 
 from zeromethod.errors import InputError
 from zeromethod.kept_arrays import cache_folder
 from zeromethod.rig.prism_tables import Prism
 from zeromethod.rig.tables import FaceSupports, Rubber
-from zeromethod.rubber import prism as module
-from zeromethod.rubber.correction import mirror_response
-from zeromethod.rubber.prism import HeldPrism, prism_kernel
 from zeromethod.simulation.contact.objects import Form, Held, Solid
 from zeromethod.simulation.contact.scene import scene_of
+from zeromethod.simulation.elements import prism as module
+from zeromethod.simulation.elements.correction import mirror_response
+from zeromethod.simulation.elements.prism import HeldPrism, prism_kernel
+from zeromethod.simulation.load_path import Pressed, dents_of
+from zeromethod.simulation.loads import Form as LoadForm
+from zeromethod.simulation.loads import Load
 from zeromethod.simulation.press import Mirror
 
 PRISM = Prism(
@@ -135,3 +139,50 @@ def test_a_prism_that_nothing_holds_is_refused():
         Rubber(support=FaceSupports(), thickness_mm=3.0)
     with pytest.raises(InputError, match="per face only with the prism of a rig"):
         scene_of([BALL], RUBBER)
+
+
+ROD = Load(LoadForm.ROD, 2.0, length_mm=14.0, angle_deg=30.0)
+LOADS = (Pressed(Load(LoadForm.LOAD, 3.54), 42.0, 1.0, depth_mm=0.2), Pressed(ROD, 30.0, -8.0, force_n=0.5))
+
+
+def pressed(kernel, monkeypatch, *loads: Pressed) -> Mirror:
+    monkeypatch.setattr("zeromethod.simulation.contact.compliance.prism_kernel", lambda _: kernel)
+    dents_of.__globals__["_dents"].cache_clear()
+    return Mirror(dents_of(loads, RUBBER, PRISM))
+
+
+def test_a_load_on_the_prism_is_a_half_spaces_and_what_the_body_adds(kernels, monkeypatch):
+    kernel, (load, _) = kernels[COARSE], LOADS
+    mirror = pressed(kernel, monkeypatch, load)
+    assert mirror.depth(42.0, 1.0) == pytest.approx(0.2, rel=1e-6)
+    # the force that is 0.2 mm deep with what the body adds there, spread by seven points a side
+    at, weight = np.polynomial.hermite_e.hermegauss(7)
+    weight = np.outer(weight, weight).ravel() / weight.sum() ** 2
+    x, y = (each.ravel() for each in np.meshgrid(42.0 + 3.54 * at, 1.0 + 3.54 * at))
+    lines = np.linspace(1, 75, 40), np.linspace(-29, 29, 30)
+    places = np.stack([each.ravel() for each in np.meshgrid(*lines)])
+    modulus = 1 / (1 - 0.49**2)
+    added = kernel.between(np.concatenate((places, [[42.0], [1.0]]), axis=1), np.stack((x, y))) @ weight
+    force = 0.2 / (1 / (np.sqrt(2 * np.pi) * 3.54 * modulus) + added[-1])
+    away = ((places[0] - 42.0) ** 2 + (places[1] - 1.0) ** 2) / (4 * 3.54**2)
+    exact = force * (ive(0, away) / (np.sqrt(2 * np.pi) * 3.54 * modulus) + added[:-1])
+    np.testing.assert_allclose(mirror.depth(*places), exact, atol=2e-5)  # a map of 1.25 mm, 1e-4
+
+
+def test_loads_on_the_prism_by_depth_and_by_force_add_up(kernels, monkeypatch):
+    x, y = np.meshgrid(np.linspace(5, 72, 30), np.linspace(-25, 25, 20))
+    both, *single = (pressed(kernels[COARSE], monkeypatch, *loads) for loads in (LOADS, LOADS[:1], LOADS[1:]))
+    np.testing.assert_allclose(both.depth(x, y), sum(one.depth(x, y) for one in single), atol=1e-12)
+    # held on two faces, less deep than on a half-space
+    assert single[1].depth(30.0, -8.0) < dents_of(LOADS[1:], Rubber(support="free"))[0].depth_mm
+    by_depth = pressed(
+        kernels[COARSE], monkeypatch, Pressed(ROD, 30.0, -8.0, depth_mm=float(single[1].depth(30.0, -8.0)))
+    )
+    np.testing.assert_allclose(by_depth.depth(x, y), single[1].depth(x, y), rtol=1e-5)
+
+
+def test_finer_elements_change_what_loads_do_by_two_per_mille(kernels, monkeypatch):
+    x, y = np.meshgrid(np.linspace(15, 65, 30), np.linspace(-20, 20, 20))
+    coarse, fine = (pressed(kernel, monkeypatch, *LOADS).depth(x, y) for kernel in kernels.values())
+    # a bench has twice as fine elements as the coarse ones: 1.4 times finer ones change it by 1.5e-4
+    np.testing.assert_allclose(coarse, fine, atol=2e-3 * np.abs(fine).max())

@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from zeromethod.arrays import Float
-from zeromethod.rubber.boussinesq import HalfSpaceForce
-from zeromethod.rubber.elasticity import ElasticBody
+from zeromethod.simulation.elements import half_space
+from zeromethod.simulation.elements.elasticity import ElasticBody
 
 _INSET = 1e-9
 """Share of the mirror by which points are moved off its ends, so that they lie in the mesh."""
@@ -69,7 +69,6 @@ def _parts(
     body: ElasticBody, x: Float, w: Float, y: Float, forces_mm: Float, *, even: bool
 ) -> tuple[Float, Float]:
     """Even or odd part of a half-space's displacement (3, section, line, n) and stress (3, 3, ...)."""
-    space = HalfSpaceForce(body.shear_mpa, body.poisson)
     moved: Float | float = 0.0
     stress: Float | float = 0.0
     order = [0, 2, 1]  # components of the half-space are x, y, into it
@@ -78,7 +77,8 @@ def _parts(
         dx, dy, down = np.broadcast_arrays(*at)
         flip = np.array([1.0, 1.0, side])
         sign = 0.5 if even or side > 0 else -0.5
-        moved = moved + sign * flip[:, None, None, None] * space.displacement(dx, dy, down)[order]
-        turned = space.stress(dx, dy, down)[np.ix_(order, order)]
+        pushed = half_space.displacement(dx, dy, down, body.shear_mpa, body.poisson)[order]
+        moved = moved + sign * flip[:, None, None, None] * pushed
+        turned = half_space.stress(dx, dy, down, body.poisson)[np.ix_(order, order)]
         stress = stress + sign * np.multiply.outer(flip, flip)[..., None, None, None] * turned
     return np.asarray(moved), np.asarray(stress)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from zeromethod.rubber.boussinesq import HalfSpaceForce
+from zeromethod.mechanics.boussinesq import HalfSpaceForce
 
 STEP = 1e-4
 
