@@ -23,7 +23,7 @@ from scipy.special import j0, jv
 from zeromethod.arrays import Float
 from zeromethod.rig.model import Rig
 from zeromethod.rig.tables import FaceSupports
-from zeromethod.rubber.prism import HeldPrism, PrismKernel, prism_kernel
+from zeromethod.simulation.elements.prism import HeldPrism, PrismKernel, prism_kernel
 
 POISSON = 0.49
 """Of the rubber, as in the packaged rig file."""

@@ -10,7 +10,7 @@ from benchmarks.anchors import LOADED, MARGIN_MM, View, pressed
 from benchmarks.hand_presses import MOST_SLOPE
 from benchmarks.loads import POISSON, PRESSURES, Load, Pressed, layer_share
 from benchmarks.rigs import small_rig
-from zeromethod.rubber.prism import PrismKernel
+from zeromethod.simulation.elements.prism import PrismKernel
 from zeromethod.simulation.shapes import ball, cone
 
 R_MM = np.array([0.0, 0.5, 2.0, 5.5, 9.0, 30.0, 70.0])
