@@ -68,7 +68,7 @@ def line_coefficients(samples: Float) -> Float:
 
 
 def evaluate_line(coefficients: Float, at: Float) -> Float:
-    """(k, ...) values at places 0 <= at <= n - 1, or NaN, of splines (k, n + 2), as of `line_coefficients`."""
+    """(k, ...) values at places 0 <= at <= n - 1 (or NaN) of splines (k, n + 2) of `line_coefficients`."""
     cell = np.nan_to_num(np.clip(np.floor(at), 0, coefficients.shape[1] - 4)).astype(np.intp)
     weights = spline_weights(at - cell)[0]
     return np.asarray(sum(coefficients[:, cell + k] * weights[..., k] for k in range(4)))
