@@ -87,8 +87,8 @@ void radial(vec2 at, vec4 place, vec4 shape, sampler2D tables, float first_row, 
     ivec2 corner = ivec2(int(cell), int(first_row));
     vec2 pitch = pitch_of(tables);
     vec4 weights = spline_values(to - cell);
-    float depth = place.z * u * dot(four_texels(tables, corner, pitch), weights);
-    float over_r = place.z * place.w * u * u2 * dot(four_texels(tables, corner + ivec2(0, 1), pitch), weights);
+    float depth = place.z * u * dot(texel(tables, corner, pitch), weights);
+    float over_r = place.z * place.w * u * u2 * dot(texel(tables, corner + ivec2(0, 1), pitch), weights);
     field += vec3(depth, over_r * r);
 }
 

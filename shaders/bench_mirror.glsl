@@ -23,7 +23,7 @@ vec3 rest_surface(vec2 at) {
     return vec3(-dot(r, r) / (rest_sphere.z + root), -r / root);
 #elif REST == 2
     vec2 to = (at - rest_grid.xy) / rest_grid.z;
-    vec2 size = vec2(textureSize(rest_map, 0));
+    vec2 size = vec2(textureSize(rest_map, 0)) + vec2(3.0, 0.0);
     vec2 inside = clamp(to, vec2(1.0), size - 2.0);  // beyond the map its border's heights go on
     vec2 cell = min(floor(inside), size - 3.0);
     vec3 value = spline(rest_map, 0, cell, inside - cell);

@@ -15,12 +15,12 @@ from zeromethod.rig.save import save_values
 
 FOLDER = Path(__file__).parent.parent / "examples"
 SPECKLE_LCD_PX = 6.0
-DEPTH_MM, SIGMA_MM = 0.2, 5.0
+DEPTH_MM, WIDTH_MM = 0.2, 3.54
 BINNING = 4
 
 _PRESS = f"""[[press]]
-shape = "gaussian"
-sigma_mm = {SIGMA_MM}
+shape = "load"
+width_mm = {WIDTH_MM}
 path = [
     {{ time_s = 0.2, x_mm = 42.0, y_mm = 0.0, depth_mm = 0.0 }},
     {{ time_s = 0.2, x_mm = 42.0, y_mm = 0.0, depth_mm = {DEPTH_MM} }},

@@ -56,7 +56,7 @@ _MOST_PUPIL_MM = 100.0
     "kinds",
     multiple=True,
     metavar="KIND:SIZE",
-    help="Press whose largest depth is given: gaussian:2, ball:50, cone:5, edge:2 (mm); may be repeated.",
+    help="Press whose largest depth is given: load:2, ball:50, cone:5, edge:2 (mm); may be repeated.",
 )
 @click.option(
     "--pattern",

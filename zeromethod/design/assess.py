@@ -36,7 +36,7 @@ def assess_rig(
     rig : Rig, str or Path
         A rig, a rig file, or the name of a packaged rig.
     presses : sequence of str
-        Presses whose largest depth is wanted, "gaussian:2", "ball:50", "cone:5", "edge:2" (mm); by default
+        Presses whose largest depth is wanted, "load:2", "ball:50", "cone:5", "edge:2" (mm); by default
         one of each kind.
     pupil_mm : float, optional
         Diameter of the lens's entrance pupil; a typical one by default.

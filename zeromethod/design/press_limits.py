@@ -15,6 +15,7 @@ from zeromethod.design.tir import critical_deg
 from zeromethod.errors import InputError
 from zeromethod.optics import Dented
 from zeromethod.optics.mirror import normal_of
+from zeromethod.simulation.loads import Form, load
 from zeromethod.simulation.press import Dent, Mirror, Shape
 from zeromethod.warp.jacobian import warp_flags
 from zeromethod.warp.validity import Flag
@@ -27,21 +28,24 @@ _GROWTH = 3.0
 _REACH = 3.0
 """How far from its middle a press is looked at, in sizes: by then its curvature is past its largest."""
 _NOT_DRAWN = int(Flag.FOLDED | Flag.UNDRAWABLE | Flag.OFF_DISPLAY)
-_KINDS = ("gaussian", "ball", "cone", "edge")
+_KINDS = ("load", "gaussian", "ball", "cone", "edge")
 _EDGE_LENGTHS = 5.0
 _NEAR_MM = 1.0
 
 
 @dataclass(frozen=True)
 class PressKind:
-    """A press without depth or place. size_mm: Gaussian and edge sigma, ball radius, cone contact radius."""
+    """A press without depth or place.
 
-    shape: Shape
+    size_mm: load width, Gaussian and edge sigma, ball radius, cone contact radius; all on a half-space.
+    """
+
+    shape: Shape | Form
     size_mm: float
 
     @classmethod
     def parse(cls, text: str) -> PressKind:
-        """Kind of "gaussian:2", ...; InputError, one line, where it is none."""
+        """Kind of "load:2", ...; InputError, one line, where it is none."""
         shape, _, size = text.partition(":")
         try:
             size_mm = float(size)
@@ -50,16 +54,18 @@ class PressKind:
         if shape not in _KINDS or not 0.0 < size_mm < 1e4:
             allowed = "|".join(_KINDS)
             raise InputError(
-                f"--press: {text!r}: {allowed}, a colon, a size in mm above 0, below 10000 (gaussian:2)"
+                f"--press: {text!r}: {allowed}, a colon, a size in mm above 0, below 10000 (load:2)"
             )
-        return cls(Shape(shape), size_mm)
+        return cls(Form.LOAD if shape == Form.LOAD else Shape(shape), size_mm)
 
     def __str__(self) -> str:
-        """E.g. "gaussian:2"."""
+        """E.g. "load:2"."""
         return f"{self.shape.value}:{self.size_mm:g}"
 
     def dent(self, x_mm: float, y_mm: float, depth_mm: float) -> Dent:
         """Press of that depth; an edge lies along y and is five sigmas long."""
+        if isinstance(self.shape, Form):
+            return load(x_mm, y_mm, depth_mm, self.size_mm)
         edge = self.shape is Shape.EDGE
         return Dent(
             self.shape, x_mm, y_mm, depth_mm, self.size_mm,
@@ -75,12 +81,8 @@ class PressKind:
 
 
 DEFAULT_KINDS = tuple(
-    PressKind(Shape(shape), size)
-    for shape, size in (
-        ("gaussian", 1.0), ("gaussian", 2.0), ("gaussian", 5.0),
-        ("ball", 150.0), ("cone", 5.0), ("edge", 2.0),
-    )
-)  # fmt: skip
+    PressKind.parse(kind) for kind in ("load:0.7", "load:1.4", "load:3.5", "ball:150", "cone:5", "edge:2")
+)
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ from zeromethod.simulation.scenario import load_scenario
 Figures = dict[str, Any]
 
 PRESS = "hold"
-"""The packaged press of section 5: 0.2 mm deep, sigma 5 mm, at the middle of the mirror, held."""
+"""The packaged press of section 5: a load of width 3.54 mm, 0.2 mm deep, held at the mirror's middle."""
 PAPER_PRESS: Figures = {"peak_mm": 0.2, "peak_error_percent": 10.0}
 """Section 5: pressed "about 0.2 mm", error "approximately 10 percent at the peak area"."""
 SHIFT_MM = 1.25

@@ -98,7 +98,7 @@ def map_texture(context: moderngl.Context, dents: tuple[Dent, ...]) -> moderngl.
         return None
     cols = max(block.shape[1] for block in blocks)
     stacked = np.vstack([np.pad(block, ((0, 0), (0, cols - block.shape[1]))) for block in blocks])
-    return float_texture(context, stacked)
+    return _in_fours(context, stacked)
 
 
 def rest_code(rest: RestSurface) -> int:
@@ -124,4 +124,10 @@ def rest_texture(context: moderngl.Context, rest: RestSurface) -> moderngl.Textu
     """B-spline coefficients of the rest surface's map; None where it has none. InputError if unreadable."""
     if rest.shape != "map":
         return None
-    return float_texture(context, line_coefficients(line_coefficients(rest_heights(rest)).T).T)
+    return _in_fours(context, line_coefficients(line_coefficients(rest_heights(rest)).T).T)
+
+
+def _in_fours(context: moderngl.Context, coefficients: Float) -> moderngl.Texture:
+    """Texture whose texel (row, col) holds the coefficients (row, col) to (row, col + 3)."""
+    fours = np.lib.stride_tricks.sliding_window_view(coefficients.astype(np.float32), 4, axis=1)
+    return float_texture(context, fours)

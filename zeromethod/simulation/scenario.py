@@ -11,6 +11,7 @@ from zeromethod.rig.prism_tables import Prism, RestSurface
 from zeromethod.rig.tables import Rubber
 from zeromethod.simulation.cloth import Cloth, cloth_of
 from zeromethod.simulation.contact.bow import on_rest
+from zeromethod.simulation.contact.compliance import Compliance
 from zeromethod.simulation.contact.path import ObjectPath
 from zeromethod.simulation.contact.scene import scene_of
 from zeromethod.simulation.load_path import LoadPath, dents_of
@@ -91,5 +92,12 @@ def load_scenario(name: str | Path, rubber: Rubber = RUBBER, prism: Prism | None
 
 
 def scenario_of(rig: Rig) -> Scenario:
-    """Scenario that a rig names, on its rubber. Raises InputError as `load_scenario`."""
-    return replace(load_scenario(rig.scenario, rig.rubber, rig.prism), cloth=cloth_of(rig))
+    """Scenario that a rig names, on its rubber.
+
+    What its prism adds to a half-space is worked out here, not under the first press. Raises InputError as
+    `load_scenario`, and where that needs a library that is not installed.
+    """
+    scenario = replace(load_scenario(rig.scenario, rig.rubber, rig.prism), cloth=cloth_of(rig))
+    if scenario.loads or scenario.objects:
+        Compliance(rig.rubber, rig.prism).body  # noqa: B018 - kept
+    return scenario

@@ -27,10 +27,16 @@ def spline_coefficients(samples: NDArray[np.floating]) -> Float:
     return np.asarray(spline_filter(padded, order=3, mode="mirror"), dtype=np.float64)
 
 
+def _values(t: Float) -> tuple[Float, Float, Float, Float]:
+    s, t2 = 1.0 - t, t * t
+    s2 = s * s
+    return s2 * s / 6, 2 / 3 - t2 * (2 - t) / 2, 2 / 3 - s2 * (2 - s) / 2, t2 * t / 6
+
+
 def spline_weights(t: Float) -> tuple[Float, Float]:
     """(values, derivatives), each (..., 4): B-spline weights of the four samples round a point."""
     s = 1.0 - t
-    values = np.stack((s**3 / 6, 2 / 3 - t**2 * (2 - t) / 2, 2 / 3 - s**2 * (2 - s) / 2, t**3 / 6), axis=-1)
+    values = np.stack(_values(t), axis=-1)
     slopes = np.stack((-(s**2) / 2, t * (1.5 * t - 2), s * (2 - 1.5 * s), t**2 / 2), axis=-1)
     return values, slopes
 
@@ -68,7 +74,7 @@ def line_coefficients(samples: Float) -> Float:
 
 
 def evaluate_line(coefficients: Float, at: Float) -> Float:
-    """(k, ...) values at places 0 <= at <= n - 1 (or NaN) of splines (k, n + 2) of `line_coefficients`."""
-    cell = np.nan_to_num(np.clip(np.floor(at), 0, coefficients.shape[1] - 4)).astype(np.intp)
-    weights = spline_weights(at - cell)[0]
-    return np.asarray(sum(coefficients[:, cell + k] * weights[..., k] for k in range(4)))
+    """(k, ...) values at places 0 <= at <= n - 1 of splines (k, n + 2), as of `line_coefficients`."""
+    cell = np.clip(np.floor(at), 0, coefficients.shape[1] - 4).astype(np.intp)
+    weights = _values(at - cell)
+    return np.asarray(sum(coefficients.take(cell + k, axis=1) * weight for k, weight in enumerate(weights)))

@@ -80,10 +80,11 @@ FIGURES = {
 def opened(task: Task) -> Iterator[Devices]:
     """Devices of the task's true bench, its press in place."""
     check_geometry(task.rig)
-    with open_devices(task.bench or task.rig) as devices:
+    bench = task.bench or task.rig
+    with open_devices(bench) as devices:
         if task.press is not None:
             camera: Any = devices.camera
-            camera.scenario = task.press.scenario()
+            camera.scenario = task.press.scenario(bench)
         yield devices
 
 

@@ -153,5 +153,5 @@ DESIGN = Procedure(
         "lcd_px_per_mrad": "lever along x, LCD px per mrad of slope",
         "sees_lcd_share": "share of the nodes that see the LCD",
     },
-    {"shape": "gaussian", "size_mm": 2.0},
+    {"shape": "load", "size_mm": 1.4},
 )

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 from zeromethod.rig.model import Rig
 from zeromethod.rig.tables import NotNegative, Positive, Table
+from zeromethod.simulation.load_path import LoadPath
+from zeromethod.simulation.loads import Form, Load
 from zeromethod.simulation.path import PathPoint, PressPath
 from zeromethod.simulation.press import Dent, Shape
 from zeromethod.simulation.press_file import Phase
@@ -24,13 +26,14 @@ Figures = Mapping[str, Any]
 class StudyPress(Table):
     """One press in place of the rig's.
 
-    size_mm: Gaussian and edge sigma, ball radius, cone contact radius. It comes down at `at_s`, within
+    size_mm: load width, Gaussian and edge sigma, ball radius, cone contact radius. A load presses the bench's
+    rubber; the others are formulas. It comes down at `at_s`, within
     `within_s` (0: a jump), and stays; from then on it slides along x and y with `speed_mm_s`. A run is
     "untouched" before, "hold" from when it is down where it stays, else "slide".
     """
 
-    shape: Literal["gaussian", "ball", "cone", "edge"] = "gaussian"
-    size_mm: Positive = 5.0
+    shape: Literal["load", "gaussian", "ball", "cone", "edge"] = "load"
+    size_mm: Positive = 3.54
     length_mm: Positive = 25.0
     angle_deg: float = 0.0
     x_mm: float = 42.0
@@ -41,13 +44,8 @@ class StudyPress(Table):
     speed_mm_s: tuple[float, float] = (0.0, 0.0)
     until_s: Positive = 10.0
 
-    def scenario(self) -> Scenario:
+    def scenario(self, bench: Rig) -> Scenario:
         """Press in time, for a simulated camera."""
-        edge = self.shape == "edge"
-        dent = Dent(
-            Shape(self.shape), 0.0, 0.0, 0.0, self.size_mm,
-            length_mm=self.length_mm if edge else 0.0, angle_deg=self.angle_deg if edge else 0.0,
-        )  # fmt: skip
         down_s = self.at_s + self.within_s
         end_s = max(self.until_s, down_s + 1e-3)
         (vx, vy), slide_s = self.speed_mm_s, end_s - down_s
@@ -60,7 +58,15 @@ class StudyPress(Table):
             Phase(name="untouched", from_s=0.0, to_s=self.at_s),
             Phase(name="slide" if any(self.speed_mm_s) else "hold", from_s=down_s, to_s=end_s),
         )
-        return Scenario("study", (PressPath(dent, points),), end_s, phases)
+        whole = Scenario("study", (), end_s, phases, rubber=bench.rubber, prism=bench.prism)
+        if self.shape == "load":
+            return replace(whole, loads=(LoadPath(Load(Form.LOAD, self.size_mm), points),))
+        edge = self.shape == "edge"
+        dent = Dent(
+            Shape(self.shape), 0.0, 0.0, 0.0, self.size_mm,
+            length_mm=self.length_mm if edge else 0.0, angle_deg=self.angle_deg if edge else 0.0,
+        )  # fmt: skip
+        return replace(whole, presses=(PressPath(dent, points),))
 
 
 @dataclass(frozen=True)

@@ -7,11 +7,15 @@ itself acts nothing is left over. Elements therefore need not resolve the force.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from zeromethod.arrays import Float
 from zeromethod.simulation.elements import half_space
-from zeromethod.simulation.elements.elasticity import ElasticBody
+
+if TYPE_CHECKING:
+    from zeromethod.simulation.elements.elasticity import ElasticBody
 
 _INSET = 1e-9
 """Share of the mirror by which points are moved off its ends, so that they lie in the mesh."""

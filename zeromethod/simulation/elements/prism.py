@@ -15,10 +15,12 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from zeromethod.arrays import Float
+from zeromethod.errors import InputError
 from zeromethod.kept_arrays import kept_arrays
 from zeromethod.optics.prism import PrismGeometry
 from zeromethod.rig.prism_tables import Prism
 from zeromethod.rig.tables import FaceSupports
+from zeromethod.simulation.elements.correction import mirror_response
 
 if TYPE_CHECKING:
     from zeromethod.simulation.elements.elasticity import ElasticBody
@@ -108,9 +110,13 @@ class HeldPrism:
 
     @cached_property
     def body(self) -> ElasticBody:
-        """The prism in elements, E = 1 MPa."""
-        from zeromethod.simulation.elements.elasticity import ElasticBody, line_mesh  # noqa: PLC0415 - loads slowly
-        from zeromethod.simulation.elements.section import prism_section  # noqa: PLC0415 - loads slowly
+        """The prism in elements, E = 1 MPa. Raises InputError without the library of elements."""
+        try:
+            from zeromethod.simulation.elements.elasticity import ElasticBody, line_mesh  # noqa: PLC0415
+            from zeromethod.simulation.elements.section import prism_section  # noqa: PLC0415 - loads slowly
+        except ImportError as error:
+            allowed = "per face only with finite elements: pip install 'zeromethod[elements]'"
+            raise InputError(f"rubber.support: {allowed}") from error
 
         faces = self.supports.pattern, self.supports.camera
         cells = round(CELLS * self.refined)
@@ -120,8 +126,6 @@ class HeldPrism:
 
     def kernel(self) -> PrismKernel:
         """Worked out: some half a minute of processor time."""
-        from zeromethod.simulation.elements.correction import mirror_response  # noqa: PLC0415 - loads slowly
-
         x, y = self._points(PLACES, 0.0)
         at_x, at_y = self._points(FORCES, INSET)
         upper = at_y[at_y > 0]
