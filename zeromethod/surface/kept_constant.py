@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
+from threading import TIMEOUT_MAX
 
 import numpy as np
 
@@ -62,7 +63,7 @@ class KeptConstant:
         self._frame += 1
         self._allowed = min(self._allowed + 1.0 / _EVERY_FRAMES, _AT_MOST)
         if self._worker is not None and self._frame == self._due:
-            (self._kept,) = self._worker.take(np.inf)
+            (self._kept,) = self._worker.take(TIMEOUT_MAX)
 
     def of(
         self, read: PassResult, integrator: SlopeIntegrator, first: bool, last: bool, step_mm: float
