@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from threading import TIMEOUT_MAX
 
 import numpy as np
 
@@ -45,7 +46,7 @@ class KeptConstant:
         self._frame += 1
         self._allowed = min(self._allowed + 1.0 / _EVERY_FRAMES, _AT_MOST)
         if self._worker is not None and self._frame == self._due:
-            (self._kept,) = self._worker.take(np.inf)
+            (self._kept,) = self._worker.take(TIMEOUT_MAX)
             self._due = -1
 
     def of(
