@@ -16,6 +16,7 @@ from zeromethod.errors import InputError, MeasurementError
 from zeromethod.rig.model import Rig
 from zeromethod.rig.prism_tables import MOST_TEETH
 from zeromethod.surface import Peak, Surface, SurfaceReader, peak
+from zeromethod.surface.learned import Learned
 from zeromethod.warp.continuation import continue_smoothly
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.rest_pixels import RestGrid, rest_pixels
@@ -112,6 +113,10 @@ class KnownPress:
     sigma_mm: float
 
 
+_Read = tuple[Surface, Learned | None]
+"""A press as it was read, and the loads that were learned to make it."""
+
+
 @dataclass(frozen=True, eq=False)
 class Presses:
     """Presses of known depth, of any shape. The numbers are depths of their peaks, mm."""
@@ -119,7 +124,7 @@ class Presses:
     reading: RestReading
     presses: Sequence[KnownPress]
     sigma: Float
-    before: Sequence[Surface | None] = field(default=(), repr=False)
+    before: Sequence[_Read | None] = field(default=(), repr=False)
     blind_to: frozenset[str] = frozenset()
     name: ClassVar[str] = "presses"
     group: ClassVar[int] = 1
@@ -148,8 +153,8 @@ class Presses:
         Raises MeasurementError, naming the press, where its warp gives no depth.
         """
         reading = self.reading.prepared(rig)
-        surfaces = self._read(reading, rig)
-        peaks = [peak(surface) for surface in surfaces]
+        read = self._read(reading, rig)
+        peaks = [peak(surface) for surface, _ in read]
         for press, found in zip(self.presses, peaks, strict=True):
             if not np.isfinite(found.depth_mm + found.sigma_mm):
                 raise MeasurementError(
@@ -161,7 +166,7 @@ class Presses:
                 for press, found in zip(self.presses, peaks, strict=True)
             ]
         )
-        return replace(self, reading=reading, sigma=sigma, before=surfaces, blind_to=blind_to(rig))
+        return replace(self, reading=reading, sigma=sigma, before=read, blind_to=blind_to(rig))
 
     def predict(self, rig: Rig) -> Float:
         """(n,) depths of the peaks as read through `rig`, mm; NaN for what it cannot read."""
@@ -172,12 +177,16 @@ class Presses:
 
     def peaks(self, rig: Rig, with_sigma: bool = True) -> list[Peak]:
         """Peak of every press as read through `rig`."""
-        return [peak(surface) for surface in self._read(self.reading, rig, with_sigma)]
+        return [peak(surface) for surface, _ in self._read(self.reading, rig, with_sigma)]
 
-    def _read(self, reading: RestReading, rig: Rig, with_sigma: bool = True) -> list[Surface]:
+    def _read(self, reading: RestReading, rig: Rig, with_sigma: bool = True) -> list[_Read]:
+        """Each press with what it was read from before: the loads that it is made by stay those."""
         reader = reading.reader(rig, with_sigma)
-        pairs = zip(self.presses, self.before, strict=True)
-        return [reader.read(press.warp, before) for press, before in pairs]
+        found = []
+        for press, before in zip(self.presses, self.before, strict=True):
+            surface, learned = (None, None) if before is None else before
+            found.append((reader.read(press.warp, surface, learned), reader.learned))
+        return found
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,8 +22,7 @@ from zeromethod.contact.slope_blocks import LARGEST, SlopeBlocks
 from zeromethod.mechanics.yielding import Yielding
 from zeromethod.rig.model import Rig
 from zeromethod.surface import Surface
-from zeromethod.surface.anchor import mean_noise_gain
-from zeromethod.warp.overlap import component_correlation
+from zeromethod.warp.overlap import component_correlation, mean_noise_gain
 
 _FEWEST = 24
 """Blocks of slopes, beyond those that the shares need, without which nothing is fitted."""

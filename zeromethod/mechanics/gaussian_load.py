@@ -47,7 +47,7 @@ class Loads:
 
 
 Fields = Callable[[Loads], Single]
-"""Of loads: (3, places, loads) depth over mm of depth at certain places, and its slopes along x and y, 1/mm."""
+"""Of loads: (3, places, loads) depth over mm of depth at certain places, and its slopes along x and y, 1/mm.
 
 
 @dataclass(frozen=True)
@@ -148,7 +148,8 @@ _STEP = 0.02
 
 @lru_cache(32)
 def _added(thickness_mm: float, poisson: float, bonded: bool, width_mm: float) -> tuple[Float, Float, Float]:
-    """(distance mm, depth, slope over distance 1/mm^2) that the base adds to a half-space's dent 1 mm deep."""
+    """(distance mm, depth, slope over distance 1/mm^2) that the base adds to a half-space's dent 1 mm deep.
+    """
     reach, waves, lacks = reach_and_waves(thickness_mm, poisson, bonded)
     by = lacks * np.exp(-0.5 * (waves * width_mm) ** 2) * np.sqrt(2 / np.pi) * width_mm
     bessel0, bessel1 = _bessel(thickness_mm)

@@ -57,7 +57,8 @@ def _fields(z: Float, thickness: Float, poisson: float) -> Float:
 def reach_and_waves(thickness_mm: float, poisson: float, bonded: bool) -> tuple[Float, Float, Float]:
     """(distances mm, wave numbers 1/mm, share less 1 times weight of each wave, 1/mm) of a Hankel integral.
 
-    What a layer lacks to a half-space ends at `_WAVES` over its thickness; nothing is left beyond the last distance.
+    What a layer lacks to a half-space ends at `_WAVES` over its thickness; nothing is left beyond the last
+    distance.
     """
     at, weight = np.polynomial.legendre.leggauss(_POINTS)
     panel = _WAVES / _PANELS

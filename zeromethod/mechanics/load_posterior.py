@@ -11,8 +11,8 @@ from scipy.linalg import cho_solve, cholesky
 from zeromethod.arrays import Float
 
 WEAK_MM = (0.0, 1e-5, 1e-4, 1e-3)
-"""Standard deviations, mm, of loads everywhere that are too weak to be found one by one: from a frame's noise to 1 µm,
-which would be found."""
+"""Standard deviations, mm, of loads everywhere that are too weak to be found one by one: from a frame's noise
+to 1 µm, which would be found."""
 _NONE_WEAK = 0.5
 """How likely it is before anything was seen that there are none; the others share the rest."""
 
@@ -41,8 +41,8 @@ def posterior(
 ) -> Posterior:
     """Posterior of sum(of_loads p) - e, with data = phi p + n, n white of variance 1, p_j ~ N(0, gamma_j).
 
-    phi: (data, loads). e: noise of variance open2 with covariance shared (data,) with n. weak_mm: as `WEAK_MM`, mixed by
-    evidence.
+    phi: (data, loads). e: noise of variance open2 with covariance shared (data,) with n. weak_mm: as
+    `WEAK_MM`, mixed by evidence.
     """
     some = gamma > 0.0
     whole = np.eye(len(data)) + (phi[:, some] * gamma[some]) @ phi[:, some].T

@@ -1,16 +1,17 @@
 """Variances of many possible loads, each its own, by the evidence of what was seen.
 
-Data t = Phi p + n, n white and of variance 1, p_j ~ N(0, gamma_j): most gamma are 0 where the evidence is largest.
-The loads that gain most are added, all that are used are estimated again, and so on until nothing gains. What touches
-rubber pushes and does not pull: a load of negative pressure is taken only where others press more than it pulls.
-Source: Tipping & Faul 2003, Fast marginal likelihood maximisation for sparse Bayesian models, AISTATS.
+Data t = Phi p + n, n white and of variance 1, p_j ~ N(0, gamma_j): most gamma are 0 where the evidence is
+largest. The loads that gain most are added, all that are used are estimated again, and so on until nothing
+gains. What touches rubber pushes and does not pull: a load of negative pressure is taken only where others
+press more than it pulls. Source: Tipping & Faul 2003, Fast marginal likelihood maximisation for sparse
+Bayesian models, AISTATS.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from zeromethod.arrays import Float, Ints, Mask
+from zeromethod.arrays import Float, Ints
 from zeromethod.mechanics.gaussian_load import Loads
 
 COST = 2.0
@@ -19,7 +20,7 @@ _GAIN = 0.1
 """Nats below which a change is not worth its time."""
 _MOST_ROUNDS = 100
 _AT_ONCE, _ALIKE = 24, 0.3
-"""Loads of which those that are apart are added together, and cosine of what two of them look like, at most."""
+"""Loads of which those that are apart are added together, and cosine of what two of them look like, at most.
 _NONE = 1e30
 """One over the variance, 1/mm^2, of a load that is taken away."""
 
@@ -27,7 +28,8 @@ _NONE = 1e30
 def learned_variances(phi: Float, data: Float, loads: Loads, start: Float | None = None) -> Float:
     """(loads,) variances gamma, mm^2.
 
-    phi: (data, loads), 1/mm, data: (data,), both over the noise's standard deviation. start: variances to begin with.
+    phi: (data, loads), 1/mm, data: (data,), both over the noise's standard deviation. start: variances to
+    begin with.
     """
     gamma = np.zeros(len(loads)) if start is None else start.copy()
     own, met = np.einsum("nj,nj->j", phi, phi), data @ phi
@@ -57,7 +59,9 @@ def learned_variances(phi: Float, data: Float, loads: Loads, start: Float | None
 
 
 def _pressure(loads: Loads, by: Ints) -> Float:
-    """(loads, by) pressure in each load's middle by others 1 mm deep, over that of one 1 mm deep and 1 mm wide."""
+    """(loads, by) pressure in each load's middle by others 1 mm deep, over that of one 1 mm deep and 1 mm
+    wide.
+    """
     apart2 = (
         np.subtract.outer(loads.x_mm, loads.x_mm[by]) ** 2
         + np.subtract.outer(loads.y_mm, loads.y_mm[by]) ** 2

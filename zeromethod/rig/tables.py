@@ -289,13 +289,12 @@ MARK_HALF_PX = 16
 
 
 class SurfaceSpec(Table):
-    """Reading depth: where the rubber is known to be at rest, and else what gives depth its constant.
+    """Reading depth: where the rubber is known to be at rest (without any, loads on it give depth its
+    constant).
 
-    `constant` "quiet": the quietest part of the view's border and the far field of a dent; "loads": the loads on
-    the rubber that explain the slopes. `marks_px`: camera pixels (u, v) of marks on the prism's frame that the camera sees itself, not by way of
+    `marks_px`: camera pixels (u, v) of marks on the prism's frame that the camera sees itself, not by way of
     the LCD; they are watched for motion of the camera against the prism.
     """
 
-    constant: Literal["quiet", "loads"] = "loads"
     known_rest: tuple[KnownRest, ...] = ()
     marks_px: tuple[Vector2, ...] = ()

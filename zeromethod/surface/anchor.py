@@ -1,63 +1,34 @@
-"""Anchor: the constant that slopes leave open, fixed where the rubber is known or found to be at rest.
-
-Depth is fixed up to C h, with h the integrator's scale (see `integrate`); C is fitted to nodes at rest.
-Without a rectangle known to be at rest, these are the quietest nodes of the view's border: rubber's far
-field falls off like 1/r or faster, so a node of residual slope s at distance r from the dent is at most
-s r deep. That bound weights the nodes. What depth they still have, and how well that is known, follows from
-the decay of slope and depth over the view (`far_field`).
-"""
+"""Where depth's constant is taken from: a rim declared to be at rest, or the loads that explain the slopes."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple
+from typing import Literal
 
-import cv2
 import numpy as np
 
-from zeromethod.arrays import Float, Ints, Mask, Single
+from zeromethod.arrays import Float, Mask
 from zeromethod.rig.model import KnownRest
-from zeromethod.surface.node_passes import diagonal
-from zeromethod.surface.quiet import (
-    agreeing,
-    mask,
-    over_noise,
-    quiet_nodes,
-    quiet_sums,
-    shortest_interval,
-    squared,
-)
-from zeromethod.warp.overlap import shared_nodes
 
-_BLOCK_SHARE = 0.056
-"""Block over which slope is averaged before it is judged, relative to the lattice's shorter side."""
-_RING_SHARE = 0.16
-"""Width of the border ring relative to the lattice's shorter side."""
-_CORE_SHARE = 0.6
-"""Share of the ring's weight that must agree on the constant: a smaller flat top is outvoted."""
-_MIN_NODES = 16
-"""Nodes of the ring below which all of the island serves as the ring."""
-_SAME_MM, MOST_CHOICES = 5e-8, 8
-"""Change of the anchor's depth below which its nodes are the same, and how often they are chosen at most."""
-_LEAST_FALL, _USUAL_FALL, _MOST_FALL = 0.1, 0.8, 2.0
-"""Bounds of the secant's slope, and its value in the first step: decrease of a choice's error per multiple of
-the gradient that is taken out of the slopes."""
+
+def _no_constant(_slope: Float, _ratio: Float) -> float:
+    return 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class RestFit:
-    """Weights (rows, cols), adding up to 1, of depth / h in the constant C; its systematic sigma in mm.
+    """Weights (rows, cols), adding up to 1, of depth / h whose mean is known; its systematic sigma in mm.
 
-    far_field_mm: assumed mean of depth / h with these weights; 0 where the nodes count as at rest.
-    hidden_mm: what of it noise can hide; 0 where nothing presses.
+    far_field_mm: that mean; 0 where the nodes count as at rest. false_constant: what slopes (rows, cols, 2)
+    that no mirror makes, read as depth / h of that mean 0, add to the constant, mm.
     """
 
-    mode: Literal["known", "quiet", "loads"]
+    mode: Literal["known", "loads"]
     weights: Float
     sigma_mm: float
     far_field_mm: float = 0.0
-    hidden_mm: float = 0.0
+    false_constant: Callable[[Float, Float], float] = _no_constant
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,132 +86,3 @@ def known_misfit(
         steepest = max(steepest, float(mean @ mean) - 4.0 * noise2)
     elsewhere = np.where(np.isfinite(nearest), nearest, 0.0) * np.sqrt(steepest)
     return replace(fit, sigma_mm=float(np.sqrt(max(off2, 0.0)))), elsewhere / reading.scale
-
-
-class Border:
-    """The border ring of one island, in which anchors are looked for, and the gradient's sums over blocks."""
-
-    def __init__(self, island: Mask, gradient: Float, correlation: Float) -> None:
-        """gradient: (rows, cols, 2) of the scale h, 1/mm. correlation: of noise 0, 1, 2, ... nodes apart."""
-        self.island, self.gradient = island.copy(), gradient
-        width = max(2, round(_RING_SHARE * min(island.shape)))
-        ring = island.copy()
-        ring[width:-width, width:-width] = False
-        self.ring = ring if np.count_nonzero(ring) >= _MIN_NODES else self.island
-        self.block = 2 * max(1, round(0.5 * _BLOCK_SHARE * min(island.shape))) + 1
-        self.correlated, self.shared = len(correlation), shared_nodes(correlation)
-        self.nodes = np.count_nonzero(island)
-        self.gradients = self.means(gradient, np.ones((*island.shape, 1)))
-        per_share2 = 1.0 / np.maximum(self.gradients[..., 2].astype(np.float64), 1.0 / self.block**2) ** 2
-        self.averaging = mean_noise_gain(correlation, self.block) ** 2 * per_share2
-        self.per_share2 = np.asarray(per_share2 * island, np.float32)
-
-    def means(self, vectors: Float, other: Float) -> Single:
-        """Means (rows, cols, 3) over blocks, of vectors (rows, cols, 2) and sums of (rows, cols, n).
-
-        Those are on the island, else 0.
-        """
-        masked = np.empty((*self.island.shape, 3), np.float32)
-        mask(vectors, other, self.island, masked)
-        size = self.block, self.block
-        return np.asarray(cv2.boxFilter(masked, -1, size, borderType=cv2.BORDER_CONSTANT), np.float32)
-
-    def around(self, values: Single) -> Single:
-        """Largest (rows, cols) of a block."""
-        return np.asarray(cv2.dilate(values, np.ones((self.block, self.block), np.uint8)), np.float32)
-
-
-class _Choice(NamedTuple):
-    """One choice of quiet nodes.
-
-    at_mm: their mean depth / h with `weights` (rows, cols). nodes: their flat numbers. deepest: node. slope2:
-    (rows, cols) squared slope of the blocks, by which they were chosen.
-    """
-
-    at_mm: float
-    weights: Float
-    nodes: Ints
-    deepest: tuple[int, int]
-    slope2: Single
-
-
-class QuietNodes:
-    """Finds the quietest nodes in the border of one reading."""
-
-    def __init__(
-        self,
-        border: Border,
-        slope: Float,
-        variance: Float,
-        constant_mm: Float,
-        scale: Float,
-        x_mm: Float,
-        y_mm: Float,
-    ) -> None:
-        """slope, variance: (rows, cols, 2) of a depth's slope, rad, rad^2; constant_mm: that depth over h."""
-        self._border, self._slope, self._variance = border, slope, variance
-        self._constant, self._scale = constant_mm, scale
-        self._place = x_mm, y_mm
-        # a single node has no extent and needs no weight
-        self._least2 = (0.25 * diagonal(x_mm, y_mm, border.island)) ** 2 or 1.0
-        self._means = border.means(slope, variance)
-
-    def fit(self, contained_mm: float, most: int = MOST_CHOICES) -> tuple[RestFit, float]:
-        """The quiet nodes, and their mean of depth / h, mm.
-
-        They are chosen by their slopes less a multiple of the gradient of h: first contained_mm, then, by
-        secants, the mean that the choice itself gives, until the two agree.
-        """
-        step_mm = off_mm = 0.0
-        for k in range(most):
-            chosen = self._choose(contained_mm)
-            before_mm, off_mm = off_mm, chosen.at_mm - contained_mm
-            if abs(off_mm) < _SAME_MM:
-                break
-            falls = min(max((before_mm - off_mm) / step_mm, _LEAST_FALL), _MOST_FALL) if k else _USUAL_FALL
-            step_mm = off_mm / falls
-            contained_mm += step_mm
-        return self._bounded(chosen), chosen.at_mm
-
-    def _choose(self, contained_mm: float) -> _Choice:
-        border = self._border
-        slope2 = np.empty(border.island.shape, np.float32)
-        squared(self._means, border.gradients, contained_mm, border.per_share2, slope2)
-        # the largest nearby, as a dent's centre is flat too
-        fields = border.around(slope2), self._means, border.averaging, self._constant, self._scale
-        nodes, values, heavy, deepest = quiet_nodes(
-            *fields, *self._place, border.ring, border.island, self._least2
-        )
-        weights = np.zeros(border.island.shape)
-        core = shortest_interval(values, heavy, np.argsort(values), _CORE_SHARE)
-        return _Choice(agreeing(nodes, values, heavy, *core, weights), weights, nodes, deepest, slope2)
-
-    def _bounded(self, chosen: _Choice) -> RestFit:
-        """The fit, with a bound of the depth that its nodes may still have as its sigma."""
-        border, shared = self._border, self._border.shared
-        read = self._slope, border.gradient, chosen.at_mm, self._variance
-        # whether the slopes are more than noise
-        least = 1.0 + 5.0 * float(np.sqrt(shared / border.nodes))
-        if not over_noise(*read, border.island) > 2 * border.nodes * least:
-            return RestFit("quiet", chosen.weights, 0.0)
-        nodes = chosen.nodes, chosen.weights, *self._place, chosen.deepest, self._least2, self._scale
-        around = chosen.slope2, self._means, border.averaging
-        implied, own, seen, noise, squares = quiet_sums(*nodes, *read, *around)
-        # Mean depth / h by the slope if depth decays as 1/r around the deepest node: depth A/r has radial
-        # slope -depth/r. Only the part above twice its noise counts; a field that decays faster is
-        # overestimated.
-        signed = np.sqrt(max(implied * implied - 4.0 * shared * own, 0.0))
-        blocks = 1.0 / squares / (border.block + border.correlated) ** 2
-        # A bound without direction, for dents that fill the view, less the part that noise can cause.
-        hidden = noise * 3.0 * np.sqrt(2.0 / max(blocks, 1.0))
-        unsigned = np.sqrt(max(seen - noise - hidden, 0.0))
-        return RestFit("quiet", chosen.weights, float(max(signed, unsigned)), 0.0, float(np.sqrt(hidden)))
-
-
-def mean_noise_gain(correlation: Float, count: int) -> float:
-    """Variance of the mean of `count` neighbours on a line, each of variance 1, with this correlation."""
-    lags = np.arange(count)
-    rho = np.zeros(count)
-    rho[: min(count, len(correlation))] = correlation[:count]
-    pairs = np.where(lags == 0, count, 2 * (count - lags))
-    return float((pairs * rho).sum() / count**2)

@@ -15,7 +15,7 @@ from zeromethod.rig.model import Rig
 from zeromethod.surface.anchor import NodeReadings, RestFit, known_misfit
 from zeromethod.surface.curl import Curl, CurlTest
 from zeromethod.surface.integrate import SlopeIntegrator
-from zeromethod.surface.node_passes import diagonal, mean_square, squares_apart
+from zeromethod.surface.node_passes import mean_square, squares_apart
 from zeromethod.surface.noise import SlopeNoise
 from zeromethod.surface.seam_steps import SeamSteps
 from zeromethod.surface.settling import Reading
@@ -87,29 +87,23 @@ class BenchDrift:
         """The fit with its sigma, and independent errors (rows, cols) of depth, mm, of one sigma each.
 
         They are the same in every frame: the anchor's own; that of known nodes which are not at rest; drift
-        of the bench under the anchor; drift whose slope at the border is mistaken for a far field; and steps
-        at a saw's seams, whose nodes, (rows, cols), are `seam`.
+        of the bench; and steps at a saw's seams, whose nodes, (rows, cols), are `seam`. Drift and steps are
+        wrong slopes, which make a wrong constant as well.
         """
         x, y, island = read.x_mm, read.y_mm, self._integrator.island
-        errors = []
-        drift, slope = self._curl.false_depth(self.watch.drift, noise, x, y)
+        errors, wrong = [], []
         if fit.mode == "known":
             fit, off_rest = known_misfit(fit, read, self._known_rest, self._shared)
             errors.append(off_rest)
-        elif self.watch.drift.any():
-            reach_mm = 0.5 * diagonal(x, y, island)
-            by_slope = reach_mm * float((fit.weights * np.where(island, slope, 0.0)).sum())
-            if fit.hidden_mm == 0.0:
-                # nothing presses: drift made no more of a far field than was found
-                by_slope = min(by_slope, abs(fit.far_field_mm))
-            errors.append(np.full(x.shape, by_slope))
         if self.watch.drift.any():
-            errors.append(drift - float((fit.weights * drift).sum()))
+            wrong.append(self._curl.false_depth(self.watch.drift, noise, x, y))
         if self._steps is not None and seam is not None:
             if self._nulled:
                 self._steps.look(read.slope, x, island & ~seam, read.variance)
-            if (wrong := self._steps.error()) is not None:
-                by_steps = self._integrator.linear(x, y).depth(wrong)
-                errors.append(by_steps - float((fit.weights * by_steps).sum()))
+            if (steps := self._steps.error()) is not None:
+                wrong.append((self._integrator.linear(x, y).depth(steps), steps))
+        for depth, slope in wrong:
+            off = depth - float((fit.weights * depth).sum())
+            errors.append(off - fit.false_constant(slope, off))
         scale = read.scale * island
         return fit, [fit.sigma_mm * scale, *(one * scale for one in errors)]

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.surface.blocks import Blocks
+from zeromethod.surface.pass_result import PassResult
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,17 +33,21 @@ class BlockReader:
         along = [np.stack(np.gradient(one), axis=-1) for one in (x_mm, y_mm)]
         self._nodes_per_mm = np.linalg.inv(np.stack(along, axis=-2))
 
-    def read(
-        self, slope: Float, variance: Float, depth_mm: Float, x_mm: Float, y_mm: Float, island: Mask
-    ) -> BlockReadings:
-        """Of nodes (rows, cols) on an island; slope, variance: (rows, cols, 2). Exact to first order in the shifts."""
-        there = island[..., None]
-        away = np.where(there, np.stack([x_mm - self._x, y_mm - self._y], axis=-1), 0.0)
-        slope = np.where(there, slope, 0.0)
+    def read(self, read: PassResult) -> BlockReadings:
+        """Means of a pass. Exact to first order in the shifts."""
+        there = read.island[..., None]
+        place = read.point[..., :2] - np.stack([self._x, self._y], axis=-1)
+        away, slope = np.where(there, place, 0.0), np.where(there, read.slope, 0.0)
         nodes = np.einsum("...ij,...j->...i", self._nodes_per_mm, away)
         change = np.stack(np.gradient(slope, axis=(0, 1)), axis=-1)
         at_rest = slope - np.einsum("...ki,...i->...k", change, nodes)
-        ratio = (depth_mm - (slope * away).sum(axis=-1)) / self._scale
-        values = np.concatenate([at_rest, ratio[..., None], np.where(there, variance, 0.0)], axis=-1)
-        means, used = self._blocks.means(values, island)
-        return BlockReadings(means[:, :2], means[:, 2], means[:, 3:], used)
+        ratio = (read.depth - (slope * away).sum(axis=-1)) / self._scale
+        found = self.means(at_rest, ratio, read.island)
+        variance, _ = self._blocks.means(np.where(there, read.variance, 0.0), read.island)
+        return replace(found, variance=variance)
+
+    def means(self, slope: Float, ratio: Float, island: Mask) -> BlockReadings:
+        """Means of slopes (rows, cols, 2) and depth / h (rows, cols), without noise."""
+        both = np.concatenate([slope, ratio[..., None]], axis=-1)
+        means, used = self._blocks.means(both, island)
+        return BlockReadings(means[:, :2], means[:, 2], np.zeros((len(means), 2)), used)

@@ -76,7 +76,8 @@ class Blocks:
         return places, np.stack([s.ravel() for s in np.meshgrid(*sizes, indexing="ij")], axis=-1)
 
     def means(self, values: Float, nodes: Mask) -> tuple[Float, Mask]:
-        """Means (blocks, n) over whole blocks of values (rows, cols, n) known at some nodes; blocks that have one.
+        """Means (blocks, n) over whole blocks of values (rows, cols, n) known at some nodes; blocks that have
+        one.
 
         Of a block with gaps it is that of the plane that fits its nodes best.
         """

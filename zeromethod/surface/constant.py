@@ -2,13 +2,14 @@
 
 Slopes give a depth D = d + C h, with h the integrator's scale (see `integrate`), and are read as y = grad d +
 C grad h. The true depth is a sum of dents that loads make on the rig's rubber (`mechanics.gaussian_load`),
-d = sum p_j f_j, p_j ~ N(0, gamma_j). With w the weights of a ring at the view's border, a0 = w.(D / h) and m_j =
-w.(f_j / h), C is no unknown of its own, C = a0 - m.p, and means over blocks of nodes obey
+d = sum p_j f_j, p_j ~ N(0, gamma_j). With w the weights of a ring at the view's border, a0 = w.(D / h) and
+m_j = w.(f_j / h), C is no unknown of its own, C = a0 - m.p, and means over blocks of nodes obey
 
     z = y - a0 grad h = sum over j of (grad f_j - m_j grad h) p_j + noise.
 
-Which loads press is learned (`mechanics.load_variances`); then C is linear in slopes and ring, and its weights serve
-many frames. Wanted is the mean over the view: the noise of the ring's mean against it counts as well.
+Which loads press is learned (`mechanics.load_variances`); then C is linear in slopes and ring, and its
+weights serve many frames. Wanted is the mean over the view: the noise of the ring's mean against it counts as
+well.
 """
 
 from __future__ import annotations
@@ -39,7 +40,8 @@ _RING = 0.2
 _LEAST_RING = 16
 """Blocks of the ring below which all of the view serves as the ring."""
 _MODEL, _MOST_MODEL = 1e-3, 0.1
-"""Error of the dents' slopes over the slope: of blocks and shifts at least, and where the constant is 50 µm off."""
+"""Error of the dents' slopes over the slope: of blocks and shifts at least, and where the constant is 50 µm
+off."""
 _STEEP = 10.0
 """Slope over noise from which a block says how large that error is."""
 _ANYTHING_MM = 1e-3
@@ -61,7 +63,9 @@ class LoadConstant:
         gradient: Float,
         correlation: Float,
     ) -> None:
-        """x_mm, y_mm, scale h: (rows, cols) at rest; gradient of h (rows, cols, 2). correlation: of nodes' noise."""
+        """x_mm, y_mm, scale h: (rows, cols) at rest; gradient of h (rows, cols, 2). correlation: of nodes'
+        noise.
+        """
         self._x, self._y, self._scale, self._candidates = x_mm, y_mm, scale, candidates
         self.knows_body = bool(candidates)
         self._blocks = Blocks.of(x_mm.shape)
@@ -96,8 +100,8 @@ class LoadConstant:
     ) -> Learned:
         """Learn which loads press, and the constant's weights.
 
-        variance: (rows, cols, 2) of the nodes' slopes; linear: of their integration. before: what was learned before; not
-        again: its loads are kept, and weights made for the blocks that are used now.
+        variance: (rows, cols, 2) of the nodes' slopes; linear: of their integration. before: what was learned
+        before; not again: its loads are kept, and weights made for the blocks that are used now.
         """
         ring = self._ring(read)
         shared, open_mm2 = self._noise_of_view(ring, variance, island, linear)
@@ -112,15 +116,20 @@ class LoadConstant:
         )
 
     def open(self, read: BlockReadings) -> tuple[float, float]:
-        """(constant, its standard deviation), mm, where no body is known to yield: the ring is taken as at rest.
+        """(constant, its standard deviation), mm, where no body is known to yield: the ring is taken as at
+        rest.
 
         It is as deep as its slopes make it over half of the view.
         """
         ring = self._ring(read)
+        constant_mm = float(ring @ read.ratio)
         extent_mm = float(np.hypot(np.ptp(self._x), np.ptp(self._y)))
-        z2 = ((read.slope - float(ring @ read.ratio) * self._gradient) ** 2).sum(axis=1)
-        steep = np.sqrt(float(ring @ np.maximum(z2, 0.0)))
-        return float(ring @ read.ratio), 0.5 * extent_mm * steep
+        steep2 = ((read.slope - constant_mm * self._gradient) ** 2).sum(axis=1)
+        return constant_mm, 0.5 * extent_mm * float(np.sqrt(ring @ steep2))
+
+    def open_constant(self, read: BlockReadings, other: BlockReadings) -> float:
+        """That constant of other values in the ring of a reading."""
+        return float(self._ring(read) @ other.ratio)
 
     def _ring(self, read: BlockReadings) -> Float:
         """(blocks,) weights of the border, larger where it is flat."""
@@ -133,7 +142,9 @@ class LoadConstant:
     def _noise_of_view(
         self, ring: Float, variance: Float, island: Mask, linear: LinearIntegration
     ) -> tuple[Float, float]:
-        """Noise of the view's mean of depth / h against the ring's: covariance (blocks, 2) with slopes, mm; variance."""
+        """Noise of the view's mean of depth / h against the ring's: covariance (blocks, 2) with slopes, mm;
+        variance.
+        """
         count = np.maximum(self._blocks.sums(island.astype(np.float64)), 1.0)
         of_ring = self._blocks.spread(ring / count) * island
         of_view = self._scale**2 * island

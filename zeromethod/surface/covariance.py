@@ -28,7 +28,6 @@ from zeromethod.surface.integrate import LinearIntegration
 from zeromethod.surface.noise import SlopeNoise
 from zeromethod.warp.grid import NodeGrid
 
-
 _ROUNDING = 1e-12
 """Difference of weights below which they are the same, relative."""
 

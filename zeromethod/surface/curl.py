@@ -133,11 +133,11 @@ class CurlTest:
         self._earlier: _Templates | None = None
 
     def false_depth(self, motion: Float, noise: SlopeNoise, x_mm: Float, y_mm: Float) -> tuple[Float, Float]:
-        """What a motion (modes,) LCD px reads as: depth / h, mm, up to a constant; size of slope, rad."""
-        if not motion.any():
-            return np.zeros(x_mm.shape), np.zeros(x_mm.shape)
+        """What a motion (modes,) LCD px reads as: depth / h (rows, cols), mm, up to a constant; slopes (...,
+        2), rad.
+        """
         depth = np.tensordot(motion, self._templates(noise, x_mm, y_mm).depth, axes=1)
-        return depth, np.linalg.norm(np.tensordot(motion, self._slopes, axes=1), axis=-1)
+        return depth, np.tensordot(motion, self._slopes, axes=1)
 
     def test(self, read: Reading, noise: SlopeNoise, shift_px: float) -> Curl:
         """Test one reading, converged; shift_px: rms shift of the warp from rest, LCD px."""

@@ -1,31 +1,46 @@
 """The constant of frame after frame: what was learned serves many, and is learned again beside them.
 
-Learning takes a tenth of a second and more. In readings that follow each other it runs in a thread of its own, from one
-frame's slopes, and takes effect a fixed number of frames later, so that the same frames give the same depths. Until
-then sigma says how far what is read is from what was learned.
+Learning takes a tenth of a second and more. In readings that follow each other it runs in a thread of its
+own, from one frame's slopes, and takes effect a fixed number of frames later, so that the same frames give
+the same depths. Until then sigma says how far what is read is from what was learned.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 from threading import TIMEOUT_MAX
 
 import numpy as np
 
-from zeromethod.surface.pass_result import PassResult
+from zeromethod.arrays import Float
+from zeromethod.surface.block_readings import BlockReadings
 from zeromethod.surface.constant import LoadConstant
-from zeromethod.surface.integrate import LinearIntegration
+from zeromethod.surface.integrate import SlopeIntegrator
 from zeromethod.surface.learned import Learned
+from zeromethod.surface.pass_result import PassResult
 from zeromethod.worker import Worker
 
 _LAG_FRAMES = 12
-"""Frames from slopes to the weights learned from them: 0.2 s at 60 Hz, twice what learning several loads takes."""
+"""Frames from slopes to the weights learned from them: 0.2 s at 60 Hz, twice what learning several loads
+takes."""
 _EVERY_FRAMES, _AT_MOST = 60, 3
-"""One learning is allowed for so many frames, a fifth of a core at 60 Hz; so many are saved up for a sudden press."""
+"""One learning is allowed for so many frames, a fifth of a core at 60 Hz; so many are saved up for sudden
+presses."""
 _SAME_MM = 1e-3
-"""Step of the constant from which loads are learned again within one reading: fields then err by a tenth."""
+"""Constant up to which slopes at nodes are those of the true mirror to a ten-thousandth, by which loads are
+learned."""
+
+
+@dataclass(frozen=True, slots=True)
+class Constant:
+    """The constant and its standard deviation, mm; false_constant: as `RestFit` has it."""
+
+    constant_mm: float
+    sigma_mm: float
+    false_constant: Callable[[Float, Float], float]
 
 
 class KeptConstant:
@@ -36,63 +51,71 @@ class KeptConstant:
         self._kept: Learned | None = None
         self._worker: Worker[Callable[[], Learned], Learned] | None = None
         self._frame, self._due, self._allowed = 0, -1, float(_AT_MOST)
-        self._follows = False
+        self._follows, self._time_ns = False, 0
 
-    def begin(self, follows: bool) -> None:
-        """Begin a reading. follows: it comes next to the one before, so that what was learned is kept."""
-        self._follows = follows and self._kept is not None
-        if not self._follows:
+    def begin(self, follows: bool, time_ns: int, learned: Learned | None) -> None:
+        """Begin a reading. follows: it comes next to the one before, so that what was learned is kept.
+
+        learned: what is to be kept instead, by whoever asks for it.
+        """
+        self._follows, self._time_ns = follows and self._kept is not None, time_ns
+        if learned is not None or not self._follows:
+            self._kept = learned
             return
         self._frame += 1
         self._allowed = min(self._allowed + 1.0 / _EVERY_FRAMES, _AT_MOST)
         if self._worker is not None and self._frame == self._due:
             (self._kept,) = self._worker.take(TIMEOUT_MAX)
-            self._due = -1
 
     def of(
-        self, read: PassResult, linear: LinearIntegration, first: bool, step_mm: float, time_ns: int
-    ) -> tuple[float, float]:
-        """(constant, its standard deviation), mm.
+        self, read: PassResult, integrator: SlopeIntegrator, first: bool, last: bool, step_mm: float
+    ) -> Constant:
+        """The constant of what was read.
 
-        first: of this reading; step_mm: of its constant before. time_ns: of the picture.
+        first: of this reading's passes; step_mm: of its constant before. last: False where slopes will change
+        yet.
         """
         constant = self._constant
-        x, y = read.point[..., 0], read.point[..., 1]
-        blocks = constant.reader.read(read.slope, read.variance, read.depth, x, y, read.island)
+        blocks = constant.reader.read(read)
+        false_constant = partial(self._false, read, blocks)
         if not constant.knows_body:
-            return constant.open(blocks)
+            kept = self._kept
+            return Constant(*(constant.open if kept is None else kept.of)(blocks), false_constant)
+        alike = self._kept is not None and np.array_equal(self._kept.used, blocks.used)
+        x, y = read.point[..., 0], read.point[..., 1]
+        learn = partial(constant.learn, blocks, read.variance, read.island, integrator.linear(x, y))
+        if self._follows and self._kept is not None:
+            if not alike:
+                self._kept = replace(learn(self._kept, again=False), from_ns=self._kept.from_ns)
+            self._learn_beside(blocks, learn, first and last)
+        elif self._kept is None or abs(step_mm) > _SAME_MM or not alike or (first and last):
+            found_mm, sigma_mm = constant.open(blocks)
+            if first and self._kept is None and abs(found_mm) > _SAME_MM:
+                return Constant(found_mm, sigma_mm, false_constant)
+            self._kept = replace(learn(self._kept), from_ns=self._time_ns)
+        return Constant(*self._kept.of(blocks), false_constant)
+
+    def _learn_beside(self, blocks: BlockReadings, learn: Callable[..., Learned], once: bool) -> None:
+        """Learn in the thread, where that is worth its time and allowed."""
         kept = self._kept
-        alike = kept is not None and np.array_equal(kept.used, blocks.used)
-
-        def learn(before: Learned | None, again: bool = True) -> Learned:
-            found = constant.learn(blocks, read.variance, read.island, linear, before, again)
-            return replace(found, from_ns=time_ns if again or before is None else before.from_ns)
-
-        if not self._follows:
-            if first or abs(step_mm) > _SAME_MM or not alike:
-                kept = learn(None if first else kept)
-        elif not alike:
-            kept = learn(kept, again=False)
         assert kept is not None
-        self._kept = kept
-        if (
-            self._follows
-            and first
-            and self._due < self._frame
-            and self._allowed >= 1.0
-            and kept.changed(blocks)
-        ):
+        if once and self._due < self._frame and self._allowed >= 1.0 and kept.changed(blocks):
             self._allowed -= 1.0
             self._due = self._frame + _LAG_FRAMES
-            if self._worker is None:
-                self._worker = Worker("loads", _serving)
-            self._worker.post(lambda: learn(kept))
-        return kept.of(blocks)
+            self._worker = self._worker or Worker("loads", _serving)
+            at_ns = self._time_ns
+            self._worker.post(lambda: replace(learn(kept), from_ns=at_ns))
+
+    def _false(self, read: PassResult, blocks: BlockReadings, slope: Float, ratio: Float) -> float:
+        false = self._constant.reader.means(slope, ratio, read.island)
+        if self._kept is None:
+            return self._constant.open_constant(blocks, false)
+        return self._kept.likeliest.constant(false)
 
     @property
-    def learned_ns(self) -> int:
-        """Time of the picture that the weights in use were learned from; 0 before the first."""
-        return 0 if self._kept is None else self._kept.from_ns
+    def learned(self) -> Learned | None:
+        """What serves now; None where nothing was learned."""
+        return self._kept
 
 
 @contextmanager

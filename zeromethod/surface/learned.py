@@ -16,8 +16,8 @@ _UNSURE = 10.0
 _AGAIN = 0.15
 """Change of chi2 from which it is worth learning again: of one press alone it is noise of 6 %."""
 _CHANGED = 30.0
-"""Chi2 over the data's number up to which weights learned from one press serve another: a dent that moves 6 mm, or
-gets three times as deep."""
+"""Chi2 over the data's number up to which weights learned from one press serve another: a dent that moves 6
+mm, or gets three times as deep."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,8 +70,8 @@ class OfBody:
 class Learned:
     """The constant as all bodies have it that the rubber may be, with the blocks `used`.
 
-    anything: with the prior that anything presses, anywhere, which serves until it is learned what. chi2: of what it was
-    learned from; from_ns: time of that picture.
+    anything: with the prior that anything presses, anywhere, which serves until it is learned what. chi2: of
+    what it was learned from; from_ns: time of that picture.
     """
 
     bodies: tuple[OfBody, ...]

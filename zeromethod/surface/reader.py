@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -12,23 +11,21 @@ import numpy as np
 from zeromethod.arrays import Float, Mask
 from zeromethod.errors import InputError
 from zeromethod.mechanics.bodies import candidates_of
-from zeromethod.mechanics.body import body_of
 from zeromethod.optics import Optics
 from zeromethod.optics.bench import sensitivity_of_rays
 from zeromethod.rig.geometry import GeometrySpec
 from zeromethod.rig.model import Rig, check_rig
 from zeromethod.surface.anchor import NodeReadings, RestFit
-from zeromethod.surface.anchoring import AnchorFinder, certain
 from zeromethod.surface.bench_drift import BenchDrift
 from zeromethod.surface.bridge import ReadNodes, bridge, cut_off_parts
 from zeromethod.surface.constant import LoadConstant
-from zeromethod.surface.kept_constant import KeptConstant
 from zeromethod.surface.covariance import DepthCovariance
 from zeromethod.surface.depth_scale import depth_scale
-from zeromethod.surface.far_field import BodyOnNodes
 from zeromethod.surface.hidden import HiddenDepth
 from zeromethod.surface.holes import fold_per_mm
 from zeromethod.surface.integrate import LinearIntegration, SlopeIntegrator, largest_island
+from zeromethod.surface.kept_constant import KeptConstant
+from zeromethod.surface.learned import Learned
 from zeromethod.surface.lever import Lever
 from zeromethod.surface.node_passes import (
     at_rest_where_unknown,
@@ -41,7 +38,7 @@ from zeromethod.surface.node_passes import (
 from zeromethod.surface.noise import DepthNoise, SlopeNoise
 from zeromethod.surface.rays import MirrorRays
 from zeromethod.surface.seams import PASSES, Carried, SlopeOverSeams
-from zeromethod.surface.settling import Reading, Settling, Start
+from zeromethod.surface.settling import Reading, Settling
 from zeromethod.surface.surface import Anchor, Surface, continued_points
 from zeromethod.surface.view_border import border_sigma_mm
 from zeromethod.warp.grid import PADDING, NodeGrid
@@ -80,8 +77,8 @@ class SurfaceReader:
     grid : NodeGrid
         Nodes of the warps; the rays of its measurable nodes are traced once.
     with_sigma : bool
-        Without, the depths are the same and their sigma is NaN; a bench that moved is not looked for. For
-        whoever asks many candidate rigs for depths alone: it takes half the time.
+        Without, sigma is NaN, and neither loads nor a bench that moved are looked for: depth's constant is
+        that of the loads that another reader learned. For whoever asks many candidate rigs for depths alone.
 
     Raises
     ------
@@ -133,16 +130,12 @@ class SurfaceReader:
         self._scale, self._scale_gradient = depth_scale(self._rays, regular, slope, point)
         self._integrator = SlopeIntegrator(point[..., 0], point[..., 1], self._scale)
         correlation = overlap_correlation(grid.period_px, grid.spacing_px)
-        anchors = AnchorFinder(
-            rig.surface.known_rest, self._scale, self._scale_gradient, correlation, self._body_on(rig, point)
-        )
-        if rig.surface.constant == "loads":
-            bodies = candidates_of(rig)
-            xy = continued_points(point[..., :2])
-            fixed = self._scale, self._scale_gradient, correlation
-            anchors.loads = KeptConstant(LoadConstant(bodies, xy[..., 0], xy[..., 1], *fixed))
-        self._anchors = anchors
-        self._settling = Settling(self._rays, self._integrator, anchors)
+        shape = self._scale, self._scale_gradient, correlation
+        bodies = candidates_of(rig) if with_sigma else ()
+        x, y = np.moveaxis(continued_points(point[..., :2]), -1, 0)
+        self._constant = KeptConstant(LoadConstant(bodies, x, y, *shape))
+        known_rest = rig.surface.known_rest
+        self._settling = Settling(self._rays, self._integrator, self._scale, known_rest, self._constant)
         self._overlap = component_correlation(grid.period_px, grid.spacing_px, rig.target.kind)
         self._noise = DepthNoise(self._integrator)
         self._drift: BenchDrift | None = None
@@ -154,15 +147,6 @@ class SurfaceReader:
         self._left_open: tuple[GeometrySpec, Float] | None = None
         self._last: _Last | None = None
         self._before: tuple[Surface | None, Surface | None] = None, None
-
-    @staticmethod
-    def _body_on(rig: Rig, point: Float) -> Callable[[], BodyOnNodes] | None:
-        """What works out how the rig's body answers loads, at the points (rows, cols, 3) of the rest.
-
-        Depth moves a node by less than what that is smooth over.
-        """
-        kernel = body_of(rig)
-        return None if kernel is None else partial(BodyOnNodes.of, kernel, point[..., 0], point[..., 1])
 
     @property
     def lever(self) -> Lever:
@@ -178,7 +162,12 @@ class SurfaceReader:
         """
         return self._scale
 
-    def read(self, warp: Warp, previous: Surface | None = None) -> Surface:
+    @property
+    def learned(self) -> Learned | None:
+        """Which loads were learned to press; None before the first reading, and where none are looked for."""
+        return self._constant.learned
+
+    def read(self, warp: Warp, previous: Surface | None = None, learned: Learned | None = None) -> Surface:
         """Slope and depth from a measured warp.
 
         Parameters
@@ -186,8 +175,11 @@ class SurfaceReader:
         warp : Warp
             On the reader's grid.
         previous : Surface, optional
-            A surface read shortly before, to start from: saves passes, and changes the result by less than
-            0.1 nm. Where its anchor is known to a micrometre only, the reading starts at rest all the same.
+            A surface read shortly before, to start from: saves passes, and keeps which loads were learned to
+            press; these are learned anew beside the readings that follow.
+        learned : Learned, optional
+            What another reader of the same lattice learned of this press (`SurfaceReader.learned`), to be
+            kept.
 
         Returns
         -------
@@ -204,8 +196,7 @@ class SurfaceReader:
         if self._drift is not None:
             self._drift.look(warp)
         start = None if previous is None else self._start(warp.time_ns, previous)
-        if self._anchors.loads is not None:
-            self._anchors.loads.begin(previous is not None)
+        self._constant.begin(previous is not None, warp.time_ns, learned)
         inner, measured, seam, depth = self._grid.inner, warp, None, np.zeros(self._usable.shape)
         for last in [True] if self._seams is None else PASSES:
             if self._seams is not None:
@@ -219,7 +210,7 @@ class SurfaceReader:
             spread = self._lever.spread(bending, sigma_q)
             reading = self._settling.settle(q, self._lever.variance(spread), usable, start, last)
             depth = reading.depth
-            start = Start(np.where(self._integrator.island, depth, np.nan), None)
+            start = np.where(self._integrator.island, depth, np.nan)
         variance = self._lever.variance(spread, reading.depth, reading.slope)
         factor = partial(self._lever.factor, bending, sigma_q, reading.depth, reading.slope)
         noise = SlopeNoise(factor, variance, *self._overlap)
@@ -265,15 +256,13 @@ class SurfaceReader:
             self._grid, last.linear, last.noise, self._scale, last.fit.weights, systematic, modes
         )
 
-    def _start(self, time_ns: int, previous: Surface) -> Start | None:
+    def _start(self, time_ns: int, previous: Surface) -> Float:
         """The previous depth, moved on as it moved before.
 
         Only a surface that is the last one read is known to have moved.
         """
-        if not certain(previous.anchor.sigma_mm, previous.anchor.far_field_mm):
-            return None
         inner = self._grid.inner
-        depth, nodes = previous.depth_mm[inner].copy(), previous.anchor.mask[inner]
+        depth = previous.depth_mm[inner].copy()
         before, earlier = self._before
         if (
             self._last is not None
@@ -286,7 +275,7 @@ class SurfaceReader:
             if back_ns > 0 and 0 < ahead_ns <= _MOST_AHEAD * apart_ns:
                 steps = before.depth_mm[inner], earlier.depth_mm[inner]
                 moved_on(depth, *steps, apart_ns / back_ns, ahead_ns / apart_ns)
-        return Start(depth, nodes)
+        return depth
 
     def _surface(
         self, warp: Warp, reading: Reading, noise: SlopeNoise, alone: bool, seam: Carried | None

@@ -7,14 +7,17 @@ of the error before it. The shape settles with the constant that it started from
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from zeromethod.arrays import Float, Mask
+from zeromethod.rig.model import KnownRest
 from zeromethod.surface.anchor import RestFit
-from zeromethod.surface.anchoring import AnchorFinder, Anchoring
+from zeromethod.surface.anchoring import Anchoring
 from zeromethod.surface.integrate import SlopeIntegrator, fill_in
+from zeromethod.surface.kept_constant import KeptConstant
 from zeromethod.surface.pass_result import PassResult
 from zeromethod.surface.rays import MirrorRays
 
@@ -27,17 +30,6 @@ _SOLVED = 1e-2
 """Error of a pass's solution, relative: the next pass finds what it leaves, and counts it as unsettled."""
 _LEAST_LEFT, _MOST_LEFT = 0.02, 0.05
 """Share of the error that a pass is taken to leave, at least, and while it is not known."""
-
-
-@dataclass(frozen=True, slots=True)
-class Start:
-    """Depth (rows, cols), mm, to start from, NaN where unknown; nodes at which it is about as deep as now.
-
-    nodes: None where the anchor is chosen by this depth, at once.
-    """
-
-    depth: Float
-    nodes: Mask | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,23 +50,34 @@ class Reading:
 class Settling:
     """Settles depth on the lattice of one reader; its integrator keeps lattices and weights."""
 
-    def __init__(self, rays: MirrorRays, integrator: SlopeIntegrator, anchors: AnchorFinder) -> None:
-        self._rays, self._integrator, self._anchors = rays, integrator, anchors
+    def __init__(
+        self,
+        rays: MirrorRays,
+        integrator: SlopeIntegrator,
+        scale: Float,
+        known_rest: Sequence[KnownRest],
+        constant: KeptConstant,
+    ) -> None:
+        """scale: h (rows, cols). known_rest: where the mirror is declared to be at rest."""
+        self._rays, self._integrator, self._scale = rays, integrator, scale
+        self._anchored_by = known_rest, constant
 
     def settle(
-        self, q: Float, variance: Float, usable: Mask, start: Start | None, last: bool = True
+        self, q: Float, variance: Float, usable: Mask, start: Float | None, last: bool = True
     ) -> Reading:
         """Depth of the largest island of usable nodes (rows, cols).
 
         q: (rows, cols, 2) LCD px, NaN off the usable nodes. variance: (rows, cols, 2) rad^2 of slope. start:
-        a depth shortly before; None for the mirror at rest. last: False where slopes are carried across seams
-        by what is read, and are off until then: several dents would explain that, so one is fitted.
+        a depth (rows, cols) shortly before, mm, NaN where unknown; None for the mirror at rest. last: False
+        where slopes are carried across seams by what is read, and are off until then.
         """
-        integrator, scale = self._integrator, self._anchors.scale
+        integrator, scale = self._integrator, self._scale
         island = integrator.prepare(usable, variance)
-        depth, weights = _begin(start, island)
-        anchoring = Anchoring(self._anchors, weights, last)
-        anchoring.linear = integrator.linear
+        depth = np.zeros(island.shape)
+        if start is not None and np.isfinite(start[island]).any():
+            depth[:] = start
+            fill_in(depth)
+        anchoring = Anchoring(*self._anchored_by, integrator, scale, last)
         looks, moved_mm, left_mm, curved_mm = 0, np.inf, 0.0, np.inf
         for _ in range(_MOST_PASSES):
             if curved_mm > max(left_mm, _SETTLED_MM):
@@ -102,36 +105,10 @@ class Settling:
                 continue
             if not anchoring.fixed:
                 by_mm = anchoring.choose(read)
-                if weights is not None and anchoring.doubtful:
-                    if not anchoring.chooses_so_after(self._first_pass(q, variance, island), read):
-                        return self.settle(q, variance, usable, None, last)
-                    weights = None
                 _, curved_mm = look.move(by_mm * scale * island)
                 moved_mm, left_mm = np.inf, left_mm + _MOST_LEFT * abs(by_mm)
             if anchoring.fixed and max(left_mm, curved_mm) < _SETTLED_MM:
                 break
-        fit = anchoring.fit or self._anchors.nodes(read, 0.0)[0]
-        return Reading(depth, slope, point, steps, fit, looks)
-
-    def _first_pass(self, q: Float, variance: Float, island: Mask) -> PassResult | None:
-        """The first pass of a reading from rest; None where it does not read all of the island."""
-        rest = np.zeros(island.shape)
-        look = self._rays.look(rest, q)
-        slope, point = np.moveaxis(look.slope, 0, -1), np.moveaxis(look.point, 0, -1)
-        if not np.isfinite(slope[island]).all():
-            return None
-        steps = self._integrator.steps(slope, point[..., 0], point[..., 1])
-        depth = self._anchors.scale * self._integrator.correction(steps, rest, _SOLVED)
-        return PassResult(slope, variance, point, island, depth)
-
-
-def _begin(start: Start | None, island: Mask) -> tuple[Float, Float | None]:
-    """Depth to start from, and weights of the nodes whose mean it keeps until the anchor is chosen."""
-    if start is not None:
-        known = island & np.isfinite(start.depth)
-        known = known if start.nodes is None else known & start.nodes
-        if known.any():
-            depth = start.depth.copy()
-            fill_in(depth)
-            return depth, None if start.nodes is None else known / np.count_nonzero(known)
-    return np.zeros(island.shape), None
+        if anchoring.fit is None:
+            anchoring.choose(read)
+        return Reading(depth, slope, point, steps, anchoring.fit, looks)

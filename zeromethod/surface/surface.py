@@ -19,9 +19,9 @@ class Anchor:
 
     Attributes
     ----------
-    mode : {"known", "quiet", "loads", "none"}
-        The rig's rectangles at rest, the quietest part of the view's border, the loads that explain the slopes, or
-        nothing was read.
+    mode : {"known", "loads", "quiet", "none"}
+        The rig's rectangles at rest; the loads on the rubber that explain the slopes; in recordings of 0.2
+        the quietest part of the border; or nothing was read.
     mask : (rows, cols) bool
         Nodes used.
     sigma_mm : float
@@ -32,7 +32,7 @@ class Anchor:
         and depth with distance; 0 where they count as at rest.
     """
 
-    mode: Literal["known", "quiet", "loads", "none"]
+    mode: Literal["known", "loads", "quiet", "none"]
     mask: Mask
     sigma_mm: float
     far_field_mm: float = 0.0

@@ -11,10 +11,10 @@ from zeromethod.arrays import Float
 
 
 class Whitening:
-    """Turns data of two halves, whose noise is correlated within each, into data of white noise of variance 1."""
+    """Turns data of two halves, each with correlated noise, into data of white noise of variance 1."""
 
     def __init__(self, noise: tuple[Float, Float], more: Float) -> None:
-        """noise: covariances (n, n) of either half; more: (2 n,) variances besides. Raises LinAlgError if singular."""
+        """noise: covariances (n, n) of either half; more: (2 n,) variances besides."""
         halves = zip(noise, np.split(more, 2), strict=True)
         self._roots = [np.linalg.cholesky(one + np.diag(part)) for one, part in halves]
 

@@ -55,3 +55,12 @@ def component_correlation(period_px: int, spacing_px: int, kind: str) -> tuple[F
         overlap_correlation(period_px, spacing_px, own),
         overlap_correlation(period_px, spacing_px, other),
     )
+
+
+def mean_noise_gain(correlation: Float, count: int) -> float:
+    """Variance of the mean of `count` neighbours on a line, each of variance 1, with this correlation."""
+    lags = np.arange(count)
+    rho = np.zeros(count)
+    rho[: min(count, len(correlation))] = correlation[:count]
+    pairs = np.where(lags == 0, count, 2 * (count - lags))
+    return float((pairs * rho).sum() / count**2)
