@@ -19,23 +19,19 @@ thousand times its shear modulus."""
 
 _REACHES_MIRROR = 0.1
 """Error of what a prism's faces add on the mirror, over what is left on them of what their supports do not
-allow: that is short-waved there. With both faces bonded 1.2 % for 15 %, against the simulated bench's
-elements."""
+allow: that is short-waved there. With both faces bonded 1.2 % for 15 %, against finite elements."""
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A body that the rubber may be. others: that body one standard deviation away in one of its numbers
-    each.
-    """
+    """A body that the rubber may be. others: it, one standard deviation away in one of its numbers each."""
 
     body: Elastic
     others: tuple[Elastic, ...] = ()
 
 
 def candidates_of(rig: Rig) -> tuple[Callable[[], Candidate], ...]:
-    """Makers of a rig's candidates, whose making may take seconds; none where the rig says that nothing is
-    elastic.
+    """Makers of a rig's candidates, which may take seconds; none where a rig says that nothing is elastic.
 
     Where what holds the rubber is not known: a half-space, or a base bonded somewhere between as deep as this
     prism is and half as deep.

@@ -18,7 +18,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.special import i0e, i1e, j0, j1
 
-from zeromethod.arrays import Float, Single
+from zeromethod.arrays import Float, Ints, Single
 from zeromethod.mechanics.body import BodyKernel
 from zeromethod.mechanics.layer import reach_and_waves
 
@@ -43,11 +43,11 @@ class Loads:
     @property
     def q_mm2(self) -> Float:
         """(n,) what depth far away is over 1 / distance, for dents 1 mm deep on a half-space."""
-        return np.sqrt(2 / np.pi) * self.width_mm
+        return np.asarray(np.sqrt(2 / np.pi) * self.width_mm)
 
 
 Fields = Callable[[Loads], Single]
-"""Of loads: (3, places, loads) depth over mm of depth at certain places, and its slopes along x and y, 1/mm.
+"""Of loads: (3, places, loads) depth at places, and its slopes along x and y, 1/mm, per mm of depth."""
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ class PrismBody:
             by_load = self.kernel.by_loads(np.stack([one.ravel() for one in spread]))
             mean = np.einsum("ikn,k->in", by_load.reshape(len(by_load), 9, -1), share)
             added = np.asarray(self.share * mean * loads.q_mm2, np.float32)
-            return free(loads) + np.einsum("kin,im->knm", products, added, optimize=True)
+            return np.asarray(free(loads) + np.einsum("kin,im->knm", products, added, optimize=True))
 
         return fields
 
@@ -134,12 +134,16 @@ def radial_fields(profile: Profile, x_mm: Float, y_mm: Float) -> Fields:
             place = np.sqrt(dx * dx + dy * dy) * np.float32(1.0 / (_STEP * width))
             at = place.astype(np.int32)
             share = place - at
-            table = np.float32(profile(_STEP * width * np.arange(int(at.max()) + 2), float(width)))
-            depth, by_r = (one[at] + share * np.diff(one)[at] for one in table)
+            table = profile(_STEP * width * np.arange(int(at.max()) + 2), float(width))
+            depth, by_r = (_between(np.asarray(one, np.float32), at, share) for one in table)
             out[:, :, mine] = np.stack([depth, by_r * dx, by_r * dy])
         return out
 
     return fields
+
+
+def _between(table: Single, at: Ints, share: Single) -> Single:
+    return np.asarray(table[at] + share * np.diff(table)[at])
 
 
 _STEP = 0.02
@@ -148,8 +152,7 @@ _STEP = 0.02
 
 @lru_cache(32)
 def _added(thickness_mm: float, poisson: float, bonded: bool, width_mm: float) -> tuple[Float, Float, Float]:
-    """(distance mm, depth, slope over distance 1/mm^2) that the base adds to a half-space's dent 1 mm deep.
-    """
+    """(distance mm, depth, slope / distance 1/mm^2) that the base adds to a half-space's dent 1 mm deep."""
     reach, waves, lacks = reach_and_waves(thickness_mm, poisson, bonded)
     by = lacks * np.exp(-0.5 * (waves * width_mm) ** 2) * np.sqrt(2 / np.pi) * width_mm
     bessel0, bessel1 = _bessel(thickness_mm)

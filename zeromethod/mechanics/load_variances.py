@@ -3,8 +3,8 @@
 Data t = Phi p + n, n white and of variance 1, p_j ~ N(0, gamma_j): most gamma are 0 where the evidence is
 largest. The loads that gain most are added, all that are used are estimated again, and so on until nothing
 gains. What touches rubber pushes and does not pull: a load of negative pressure is taken only where others
-press more than it pulls. Source: Tipping & Faul 2003, Fast marginal likelihood maximisation for sparse
-Bayesian models, AISTATS.
+press more than it pulls.
+Source: Tipping & Faul 2003, Fast marginal likelihood maximisation for sparse Bayesian models, AISTATS.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _GAIN = 0.1
 """Nats below which a change is not worth its time."""
 _MOST_ROUNDS = 100
 _AT_ONCE, _ALIKE = 24, 0.3
-"""Loads of which those that are apart are added together, and cosine of what two of them look like, at most.
+"""Loads of which those apart are added together; largest cosine between what two of these look like."""
 _NONE = 1e30
 """One over the variance, 1/mm^2, of a load that is taken away."""
 
@@ -28,8 +28,7 @@ _NONE = 1e30
 def learned_variances(phi: Float, data: Float, loads: Loads, start: Float | None = None) -> Float:
     """(loads,) variances gamma, mm^2.
 
-    phi: (data, loads), 1/mm, data: (data,), both over the noise's standard deviation. start: variances to
-    begin with.
+    phi: (data, loads), 1/mm, data: (data,), both over the noise's standard deviation. start: from earlier.
     """
     gamma = np.zeros(len(loads)) if start is None else start.copy()
     own, met = np.einsum("nj,nj->j", phi, phi), data @ phi
@@ -59,9 +58,7 @@ def learned_variances(phi: Float, data: Float, loads: Loads, start: Float | None
 
 
 def _pressure(loads: Loads, by: Ints) -> Float:
-    """(loads, by) pressure in each load's middle by others 1 mm deep, over that of one 1 mm deep and 1 mm
-    wide.
-    """
+    """(loads, by) pressure in each load's middle by others 1 mm deep, over that of one 1 mm wide."""
     apart2 = (
         np.subtract.outer(loads.x_mm, loads.x_mm[by]) ** 2
         + np.subtract.outer(loads.y_mm, loads.y_mm[by]) ** 2
@@ -108,7 +105,7 @@ def _estimate_again(gamma: Float, products: Float, met: Float, used: Ints, press
     return gained
 
 
-def _evidence(gamma: Float, s: Float, q: Float) -> Float:
+def _evidence(gamma: Float | float, s: Float | float, q: Float | float) -> Float:
     """Nats of each load's own part: 1/2 (q^2 gamma / (1 + gamma s) - ln(1 + gamma s))."""
     grown = 1.0 + gamma * s
     return np.asarray(0.5 * (gamma * q**2 / grown - np.log(grown)))
@@ -131,9 +128,7 @@ def spread_variances(gamma: Float, loads: Loads) -> Float:
     return np.asarray((1.0 - _SHARED) * gamma + _SHARED * (near @ gamma[used]))
 
 
-import os
-
-_SHARED = float(os.environ.get("SH", "0.1"))
-"""Part of each variance that its neighbours take."""
+_SHARED = 0.02
+"""Part of each variance that its neighbours take: sigma is then as large as errors (`benchmarks.anchors`)."""
 _REACH, _OCTAVES = 0.8, 0.5
 """How far neighbours reach, over the wider one's width and in the logarithm of the widths."""

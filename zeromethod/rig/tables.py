@@ -289,8 +289,7 @@ MARK_HALF_PX = 16
 
 
 class SurfaceSpec(Table):
-    """Reading depth: where the rubber is known to be at rest (without any, loads on it give depth its
-    constant).
+    """Reading depth: where the rubber is known to be at rest; without, loads give depth its constant.
 
     `marks_px`: camera pixels (u, v) of marks on the prism's frame that the camera sees itself, not by way of
     the LCD; they are watched for motion of the camera against the prism.

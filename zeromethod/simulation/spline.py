@@ -74,9 +74,7 @@ def line_coefficients(samples: Float) -> Float:
 
 
 def evaluate_line(coefficients: Float, at: Float) -> Float:
-    """(k, ...) values at places 0 <= at <= n - 1 of splines (k, n + 2), as of `line_coefficients`; NaN at
-    NaN.
-    """
+    """(k, ...) values at places 0 <= at <= n - 1 of splines (k, n + 2) of `line_coefficients`; NaN at NaN."""
     cell = np.nan_to_num(np.clip(np.floor(at), 0, coefficients.shape[1] - 4)).astype(np.intp)
     weights = _values(at - cell)
     return np.asarray(sum(coefficients.take(cell + k, axis=1) * weight for k, weight in enumerate(weights)))

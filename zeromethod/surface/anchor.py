@@ -1,4 +1,4 @@
-"""Where depth's constant is taken from: a rim declared to be at rest, or the loads that explain the slopes."""
+"""Where depth's constant comes from: a rim declared to be at rest, or the loads that explain the slopes."""
 
 from __future__ import annotations
 

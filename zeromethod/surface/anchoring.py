@@ -70,7 +70,7 @@ class Anchoring:
         if known is not None:
             return known.weights
         weights = np.where(read.island, self._scale**2, 0.0)
-        return weights / weights.sum()
+        return np.asarray(weights / weights.sum())
 
     def _known(self, read: PassResult) -> RestFit | None:
         if not self._known_rest:

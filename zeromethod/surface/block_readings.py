@@ -29,17 +29,17 @@ class BlockReader:
 
     def __init__(self, blocks: Blocks, x_mm: Float, y_mm: Float, scale: Float) -> None:
         """x_mm, y_mm, scale h: (rows, cols) at rest."""
-        self._blocks, self._x, self._y, self._scale = blocks, x_mm, y_mm, scale
-        along = [np.stack(np.gradient(one), axis=-1) for one in (x_mm, y_mm)]
+        self._blocks, self._at, self._scale = blocks, np.stack([x_mm, y_mm], axis=-1), scale
+        along = [np.stack([np.gradient(one, axis=k) for k in (0, 1)], axis=-1) for one in (x_mm, y_mm)]
         self._nodes_per_mm = np.linalg.inv(np.stack(along, axis=-2))
 
     def read(self, read: PassResult) -> BlockReadings:
         """Means of a pass. Exact to first order in the shifts."""
         there = read.island[..., None]
-        place = read.point[..., :2] - np.stack([self._x, self._y], axis=-1)
+        place = read.point[..., :2] - self._at
         away, slope = np.where(there, place, 0.0), np.where(there, read.slope, 0.0)
         nodes = np.einsum("...ij,...j->...i", self._nodes_per_mm, away)
-        change = np.stack(np.gradient(slope, axis=(0, 1)), axis=-1)
+        change = np.stack([np.gradient(slope, axis=k) for k in (0, 1)], axis=-1)
         at_rest = slope - np.einsum("...ki,...i->...k", change, nodes)
         ratio = (read.depth - (slope * away).sum(axis=-1)) / self._scale
         found = self.means(at_rest, ratio, read.island)

@@ -67,7 +67,7 @@ class Blocks:
 
     @cached_property
     def _moments(self) -> tuple[Float, Float]:
-        """(rows, cols, 2): places of nodes about their block's middle, in nodes; (blocks, 2) sizes in nodes."""
+        """(rows, cols, 2): places of nodes about their block's middle; (blocks, 2) sizes; in nodes."""
         offsets, sizes = [], []
         for first, n, size in zip((self.first_row, self.first_col), self.shape, self._sizes, strict=True):
             offsets.append(np.arange(n) - np.repeat(first + 0.5 * (size - 1), size))
@@ -76,8 +76,7 @@ class Blocks:
         return places, np.stack([s.ravel() for s in np.meshgrid(*sizes, indexing="ij")], axis=-1)
 
     def means(self, values: Float, nodes: Mask) -> tuple[Float, Mask]:
-        """Means (blocks, n) over whole blocks of values (rows, cols, n) known at some nodes; blocks that have
-        one.
+        """Means (blocks, n) of values (rows, cols, n) that some nodes have; which blocks have enough of them.
 
         Of a block with gaps it is that of the plane that fits its nodes best.
         """

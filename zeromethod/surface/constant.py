@@ -40,8 +40,7 @@ _RING = 0.2
 _LEAST_RING = 16
 """Blocks of the ring below which all of the view serves as the ring."""
 _MODEL, _MOST_MODEL = 1e-3, 0.1
-"""Error of the dents' slopes over the slope: of blocks and shifts at least, and where the constant is 50 µm
-off."""
+"""Error of dents' slopes over the slope: at least (blocks, shifts), and where the constant is far off."""
 _STEEP = 10.0
 """Slope over noise from which a block says how large that error is."""
 _ANYTHING_MM = 1e-3
@@ -63,9 +62,7 @@ class LoadConstant:
         gradient: Float,
         correlation: Float,
     ) -> None:
-        """x_mm, y_mm, scale h: (rows, cols) at rest; gradient of h (rows, cols, 2). correlation: of nodes'
-        noise.
-        """
+        """x_mm, y_mm, scale h: (rows, cols) at rest; h's gradient (..., 2). correlation: of nodes' noise."""
         self._x, self._y, self._scale, self._candidates = x_mm, y_mm, scale, candidates
         self.knows_body = bool(candidates)
         self._blocks = Blocks.of(x_mm.shape)
@@ -116,8 +113,7 @@ class LoadConstant:
         )
 
     def open(self, read: BlockReadings) -> tuple[float, float]:
-        """(constant, its standard deviation), mm, where no body is known to yield: the ring is taken as at
-        rest.
+        """(constant, its standard deviation), mm, where no body is known: the ring is taken as at rest.
 
         It is as deep as its slopes make it over half of the view.
         """
@@ -142,9 +138,7 @@ class LoadConstant:
     def _noise_of_view(
         self, ring: Float, variance: Float, island: Mask, linear: LinearIntegration
     ) -> tuple[Float, float]:
-        """Noise of the view's mean of depth / h against the ring's: covariance (blocks, 2) with slopes, mm;
-        variance.
-        """
+        """Noise of the view's mean depth / h less the ring's: covariance with slopes (blocks, 2), variance."""
         count = np.maximum(self._blocks.sums(island.astype(np.float64)), 1.0)
         of_ring = self._blocks.spread(ring / count) * island
         of_view = self._scale**2 * island
@@ -180,7 +174,8 @@ class _View:
         self._slope2 = np.tile((read.slope[read.used] ** 2).sum(axis=1), 2)
         sigma = np.sqrt(read.variance[read.used]).T
         of_blocks = of._of_blocks[np.ix_(read.used, read.used)]
-        self._noise = of_blocks * np.outer(sigma[0], sigma[0]), of_blocks * np.outer(sigma[1], sigma[1])
+        along, across = (np.asarray(of_blocks * np.outer(one, one)) for one in sigma)
+        self._noise = along, across
         self._shared = shared[read.used].T.ravel()
 
     def of_body(
@@ -229,7 +224,7 @@ class _View:
         if steep.any():
             some = of.phi[:, variances > 0.0]
             whole = np.eye(len(of.data)) + (some * variances[variances > 0.0]) @ some.T
-            left = of.white.back(np.linalg.solve(whole, of.data))
+            left = of.white.back(np.asarray(np.linalg.solve(whole, of.data)))
             error2 = 1.3 * float((left**2 - noise2)[steep].mean() / self._slope2[steep].mean())
             if error2 > of.error2:
                 of = self._white(dents, min(error2, _MOST_MODEL**2))

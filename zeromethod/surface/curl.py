@@ -133,9 +133,7 @@ class CurlTest:
         self._earlier: _Templates | None = None
 
     def false_depth(self, motion: Float, noise: SlopeNoise, x_mm: Float, y_mm: Float) -> tuple[Float, Float]:
-        """What a motion (modes,) LCD px reads as: depth / h (rows, cols), mm, up to a constant; slopes (...,
-        2), rad.
-        """
+        """What a motion (modes,) LCD px reads as: depth / h, mm, up to a constant; slopes (rows, cols, 2)."""
         depth = np.tensordot(motion, self._templates(noise, x_mm, y_mm).depth, axes=1)
         return depth, np.tensordot(motion, self._slopes, axes=1)
 

@@ -27,11 +27,9 @@ _LAG_FRAMES = 12
 """Frames from slopes to the weights learned from them: 0.2 s at 60 Hz, twice what learning several loads
 takes."""
 _EVERY_FRAMES, _AT_MOST = 60, 3
-"""One learning is allowed for so many frames, a fifth of a core at 60 Hz; so many are saved up for sudden
-presses."""
+"""One learning is allowed for so many frames, a fifth of a core at 60 Hz; so many are saved up at most."""
 _SAME_MM = 1e-3
-"""Constant up to which slopes at nodes are those of the true mirror to a ten-thousandth, by which loads are
-learned."""
+"""Constant up to which slopes are the true mirror's to a ten-thousandth: by these loads are learned."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,8 +70,7 @@ class KeptConstant:
     ) -> Constant:
         """The constant of what was read.
 
-        first: of this reading's passes; step_mm: of its constant before. last: False where slopes will change
-        yet.
+        first: of this reading's passes; step_mm: of its constant before. last: False where slopes change yet.
         """
         constant = self._constant
         blocks = constant.reader.read(read)

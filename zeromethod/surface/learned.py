@@ -1,4 +1,4 @@
-"""What was learned of the constant of depth: weights of slopes and ring, and whether what is read still fits."""
+"""What was learned of depth's constant: weights of slopes and ring, and whether what is read still fits."""
 
 from __future__ import annotations
 

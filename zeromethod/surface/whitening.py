@@ -16,7 +16,7 @@ class Whitening:
     def __init__(self, noise: tuple[Float, Float], more: Float) -> None:
         """noise: covariances (n, n) of either half; more: (2 n,) variances besides."""
         halves = zip(noise, np.split(more, 2), strict=True)
-        self._roots = [np.linalg.cholesky(one + np.diag(part)) for one, part in halves]
+        self._roots = [np.asarray(np.linalg.cholesky(one + np.diag(part))) for one, part in halves]
 
     @property
     def log_size(self) -> float:
