@@ -4,7 +4,8 @@
 included: every frame and every picture shown while a soft pad came down and slid. Warps and depths are those
 of 0.1.0 less what the blur of the panel's apertures had added (4e-4 LCD px, 7 nm of 60 um, at most), and less
 depth's constant, which is no matter of pictures: by formula as this pad is, no loads make its dent, and the
-constant is up to 3 um off. That moves the nodes over the mirror and changes depths by 0.23 % of it. The light of frames at rest is learned, as the loop does: 0.003 LCD px of a command and 25 nm of a depth, at most.
+constant is up to 3 um off. That moves nodes over the mirror, and changes depths by 0.23 % of it. The light
+of frames at rest is learned, as the loop does: 0.003 LCD px of a command and 25 nm of a depth, at most.
 """
 
 from pathlib import Path
@@ -55,7 +56,8 @@ def test_recorded_frames_give_the_warps_and_depths_of_the_reference(reference, t
         # LCD px: far below the noise of 0.008, far above the last bits of other processors' arithmetic
         np.testing.assert_allclose(warp.q, reference["measured_q"][index], rtol=0, atol=1e-6)
         np.testing.assert_allclose(circle.controller.commanded, reference["commanded_q"][index], atol=1e-6)
-        off = (reader.read(warp).depth_mm - reference["depth_mm"][index])[circle.rest.grid.inner] / reader.scale
+        off = (reader.read(warp).depth_mm - reference["depth_mm"][index])[circle.rest.grid.inner]
+        off /= reader.scale
         constant_mm = np.nanmean(off)
         np.testing.assert_allclose(off, constant_mm, rtol=0, atol=1e-7 + 2.5e-3 * abs(constant_mm))
     assert measured >= 24
