@@ -100,11 +100,18 @@ class Learned:
         """Whether it is worth learning again."""
         return abs(self.likeliest.fit.chi2(read, self.used) - self.chi2) > _AGAIN * self.chi2
 
+    def explains(self, read: BlockReadings) -> bool:
+        """Whether what was learned is in a reading; else anything may press."""
+        return self._explains(self.likeliest.fit.chi2(read, self.used))
+
+    def _explains(self, chi2: float) -> bool:
+        most = _CHANGED if self.likeliest.variances.any() else (1.0 + _AGAIN) * max(self.chi2, 1.0)
+        return chi2 <= most
+
     def of(self, read: BlockReadings) -> tuple[float, float]:
         """(constant, its standard deviation) of a reading, mm."""
-        best = self.likeliest
-        chi2 = best.fit.chi2(read, self.used)
-        if chi2 > (_CHANGED if best.variances.any() else (1.0 + _AGAIN) * max(self.chi2, 1.0)):
+        chi2 = self.likeliest.fit.chi2(read, self.used)
+        if not self._explains(chi2):
             grown = max(self.anything.fit.chi2(read, self.used), 1.0)
             return self.anything.constant(read), float(np.sqrt(grown * self.anything.variance))
         share = np.array([body.evidence for body in self.bodies])
