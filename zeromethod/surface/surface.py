@@ -28,8 +28,8 @@ class Anchor:
         Standard deviation of depth, rms over the valid nodes, due to the unknown depth of the mask itself;
         by how far nodes of "known" are from rest.
     far_field_mm : float
-        Depth (over `SurfaceReader.scale`) that the mask's nodes still have according to the decay of slope
-        and depth with distance; 0 where they count as at rest.
+        Mean depth of the mask's nodes, over `SurfaceReader.scale`: by the loads found; 0 where they count as
+        at rest.
     """
 
     mode: Literal["known", "loads", "quiet", "none"]
