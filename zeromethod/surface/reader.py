@@ -89,8 +89,9 @@ class SurfaceReader:
     -----
     A node's depth d belongs to its own mirror point, where its ray meets z = h_rest(x, y) - d. From there
     the ray to the LCD position is solved through all layers; the bisector of the two rays is the normal.
-    The slopes are integrated by weighted least squares with a high-order rule, the depth anchored where the
-    rubber is at rest, and all of it repeated until depth settles within 0.1 nm.
+    The slopes are integrated by weighted least squares with a high-order rule, depth gets its constant from
+    the loads that explain them or where the rubber is known to be at rest, and all of it is repeated until
+    depth settles within 0.1 nm.
 
     A warp's sigma is assumed to come from the residual: displacements along u and v, independent of each
     other and correlated between nodes by the overlap of their windows, which the warp itself turns and
