@@ -33,7 +33,7 @@ def test_a_sudden_press_is_off_by_what_is_stated(small, size_mm):
     error = np.abs(small.error(surface, dent))
     stated = surface.sigma_depth_mm[surface.valid]
     noise = small.reader.read(warp).sigma_depth_mm[surface.valid]
-    # ten times what noise alone would state, at most; less where what noise leaves of the constant counts as well
+    # ten times what noise alone would state, at most; less where the constant is in it as well
     assert (error / noise).max() > (10.0 if size_mm < 8.0 else 4.0)
     # the first order alone, a quarter less at 2.4 nodes; where it changes its sign more is left
     assert (error / stated).max() < 2.5

@@ -11,12 +11,6 @@ from zeromethod.simulation.press import Mirror
 from zeromethod.surface import peak
 from zeromethod.warp.validity import Flag
 
-
-@pytest.fixture(scope="module")
-def thin():
-    return Bench(RIG)
-
-
 RIG = load_rig("thin").replace({"camera.rows": 512, "camera.centre_px": (511.5, 255.5)})
 """Fewer rows than the packaged rig, as all rows are alike."""
 
@@ -24,6 +18,11 @@ RIG = load_rig("thin").replace({"camera.rows": 512, "camera.centre_px": (511.5, 
 def pressed(depth_mm, x_mm, y_mm, sigma_mm):
     """The rig's layer of rubber under a load: as curved in its middle as a Gaussian of this sigma."""
     return Mirror((load(x_mm, y_mm, depth_mm, sigma_mm / np.sqrt(2), RIG.rubber),))
+
+
+@pytest.fixture(scope="module")
+def thin():
+    return Bench(RIG)
 
 
 def seam_mm(bench) -> float:
@@ -96,7 +95,7 @@ def test_a_seam_beside_something_larger_that_is_lost_stays_open(thin):
 
 @pytest.mark.parametrize("off_mm", [-0.5, 0.5])
 def test_a_balls_rim_that_a_seam_hides_is_in_sigma(off_mm):
-    # slope bends at the rim within less than a node: what is carried across rounds that off; Hertz's rubber is deep
+    # slope bends at the rim within less than a node: what is carried across rounds that off; Hertz's is deep
     deep = Bench(RIG.replace({"rubber.support": "free", "rubber.thickness_mm": None}))
     at = seam_mm(deep)
     ball = Planted(dry_ball, 0.05, at + 7.0 + off_mm, 0.0, 7.0)
