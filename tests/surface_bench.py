@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
+from scipy.special import i0e, i1e
 
 from benchmarks.anchors import View
 from benchmarks.dents import Planted, Sum, gauss, power
@@ -12,10 +13,21 @@ from zeromethod.optics import Dented, DepthField
 from zeromethod.rig.model import KnownRest, RestSurface, Rig, SurfaceSpec
 
 Gauss = partial(Planted, gauss)
-"""Of depth, x, y and sigma, mm."""
+"""Of depth, x, y and sigma, mm: a formula, which no rubber makes."""
+
+
+def _loaded(along, across):
+    """exp(-u) I0(u), u = r^2 / 2: a half-space under a Gaussian pressure; Johnson 1985, 3."""
+    u = 0.5 * (along**2 + across**2)
+    depth, by_u = i0e(u), i1e(u) - i0e(u)
+    return depth, by_u * along, by_u * across
+
+
+Load = partial(Planted, _loaded)
+"""The dent of a load: of depth, x, y and the sigma, mm, of the Gaussian that is as curved in its middle."""
 
 Tail = partial(Planted, power(1.0))
-"""The far field of a press on a deep elastic body, which falls off like 1/r: of depth, x, y and core, mm."""
+"""What (r^2 + core^2)^(-3/2) of pressure makes, 1/sqrt(r^2 + core^2): of depth, x, y and core, mm."""
 
 Several = Sum
 
@@ -70,6 +82,12 @@ class Bench(View):
     def error(self, surface: Surface, dent: DepthField) -> np.ndarray:
         """Read minus planted depth at the valid nodes, flat."""
         return (surface.depth_mm - self.truth(dent))[surface.valid]
+
+    def constant_and_shape(self, surface: Surface, dent: DepthField) -> tuple[float, np.ndarray]:
+        """The same in two: the multiple of h that slopes leave open, mm, and the rest."""
+        error, h = self.error(surface, dent), self.reader.scale[surface.valid[self.grid.inner]]
+        constant = float((error * h).sum() / (h * h).sum())
+        return constant, error - constant * h
 
 
 def small_rig(rest: RestSurface | None = None, known_rest: tuple[KnownRest, ...] = ()) -> Rig:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from small_rigs import telecentric, with_tables
-from surface_bench import Bench, Gauss, Several, Tail, small_rig
+from surface_bench import Bench, Load, Several, Tail, small_rig
 
 from zeromethod import SurfaceReader, Warp
 from zeromethod.bench_motion.modes import BenchModes
@@ -17,7 +17,7 @@ from zeromethod.simulation.bump import moved_rig
 from zeromethod.warp.rest import Rest
 from zeromethod.warp.validity import Flag
 
-FLAT = Several((Gauss(0.0, 0.0, 0.0, 1.0),))
+FLAT = Several((Load(0.0, 0.0, 0.0, 1.0),))
 PX_DEG = np.degrees(4 / 9000)
 """Turn of the camera that moves the picture by one px of this bench (binned by 4)."""
 
@@ -106,7 +106,7 @@ def test_wide_honest_presses_are_no_motion_however_they_come(bench, watch):
             x, y = bench.centre_mm + noise.uniform(-40, 40), noise.uniform(-40, 40)
             for depth in (0.0005, 0.001, 0.002, 0.005, 0.01, 0.03, 0.1):
                 for _ in range(2):
-                    one.look(seen(bench, Gauss(depth, x, y, width), noise), rest_q)
+                    one.look(seen(bench, Load(depth, x, y, width), noise), rest_q)
             assert not one.moved
 
 
@@ -128,7 +128,7 @@ def test_a_bench_that_moves_under_a_held_press_is_named_and_is_drift(
     """
     true, noise, one = bumped(bench.rig, turned_deg, slid_mm), np.random.default_rng(3), watch()
     open_nodes = np.random.default_rng(4).random(bench.grid.shape) < doubtful
-    dent, rest_q = Gauss(0.15, bench.centre_mm, 0.0, 5.0), Rest.of(bench.rig, bench.optics).q
+    dent, rest_q = Load(0.15, bench.centre_mm, 0.0, 5.0), Rest.of(bench.rig, bench.optics).q
     for _ in range(3 * FRAMES):
         one.look(opened(seen(bench, dent, noise), open_nodes), rest_q)
     assert not one.moved
@@ -144,14 +144,14 @@ def test_a_bench_that_moves_under_a_held_press_is_named_and_is_drift(
     assert np.linalg.norm(one.drift - motion) < 0.05 * np.linalg.norm(motion) + 0.01
     # it stays when the press goes on
     for _ in range(4):
-        one.look(seen(bench, Gauss(0.17, bench.centre_mm + 2.0, 0.0, 5.0), noise, true), rest_q)
+        one.look(seen(bench, Load(0.17, bench.centre_mm + 2.0, 0.0, 5.0), noise, true), rest_q)
     assert np.linalg.norm(one.drift - motion) < 0.05 * np.linalg.norm(motion) + 0.01
 
 
 def test_a_bench_that_still_moves_under_a_held_press_is_named(bench, watch):
     """An LCD that slides by 0.1 px a frame: no two frames agree."""
     noise, one = np.random.default_rng(5), watch()
-    dent, rest_q = Gauss(0.15, bench.centre_mm, 0.0, 5.0), Rest.of(bench.rig, bench.optics).q
+    dent, rest_q = Load(0.15, bench.centre_mm, 0.0, 5.0), Rest.of(bench.rig, bench.optics).q
     for frame in range(24):
         true = bumped(bench.rig, slid_mm=(0.006 * max(frame - 16, 0), 0))
         one.look(seen(bench, dent, noise, true), rest_q)
@@ -165,7 +165,7 @@ def test_presses_that_grow_or_slide_are_no_motion(bench, watch):
         one = watch()
         for frame in range(40):
             share = 1.0 + speed * max(frame - 8, 0)
-            dent = Gauss(0.03 * share, bench.centre_mm + 6.0 * share, 4.0, size_mm)
+            dent = Load(0.03 * share, bench.centre_mm + 6.0 * share, 4.0, size_mm)
             one.look(seen(bench, dent, noise), rest_q)
             assert not one.moved
             # 0.02 LCD px read as 0.8 um
@@ -192,7 +192,7 @@ def test_what_a_bench_does_under_a_held_press_is_in_the_sigma_of_a_passive_readi
     noise, rest_q = np.random.default_rng(6), Rest.of(bench.rig, bench.optics).q
     passive = with_tables(bench.rig, control={"controller": "passive"})
     reader = SurfaceReader(passive, bench.optics, bench.grid)
-    dent, true = Gauss(0.15, bench.centre_mm, 0.0, 5.0), bumped(bench.rig, slid_mm=(0.018, 0))
+    dent, true = Load(0.15, bench.centre_mm, 0.0, 5.0), bumped(bench.rig, slid_mm=(0.018, 0))
     for frame in range(20):
         warp = seen(bench, dent, noise, true if frame >= 16 else None)
         surface = reader.read(warp.with_left(rest_q, None, None))
@@ -222,9 +222,9 @@ def test_presses_leave_no_curl_on_a_rig_that_is_off_by_a_little(bench, keys):
     u, v = bench.grid.mesh()
     zero = bench.optics.rest_map(u, v) - Optics(rig).rest_map(u, v)
     for width, depth in ((2.0, 0.04), (5.0, 0.2), (12.0, 0.3), (30.0, 0.2)):
-        for dent in (Gauss, Tail):
+        for dent in (Load, Tail):
             x, y = bench.centre_mm + noise.uniform(-20, 20), noise.uniform(-15, 15)
-            size = width if dent is Gauss else width / 4
+            size = width if dent is Load else width / 4
             surface = reader.read(seen(bench, dent(depth, x, y, size), noise).less(zero))
             assert surface.curl is not None
             assert not surface.curl.moved
@@ -232,7 +232,7 @@ def test_presses_leave_no_curl_on_a_rig_that_is_off_by_a_little(bench, keys):
 
 def test_motion_under_a_press_is_found_by_curl(bench, modes):
     noise = np.random.default_rng(5)
-    press = Gauss(0.05, bench.centre_mm, 0.0, 5.0)
+    press = Load(0.05, bench.centre_mm, 0.0, 5.0)
     true = bumped(bench.rig, (0, PX_DEG, 0))
     curl = bench.reader.read(seen(bench, press, noise, true)).curl
     assert curl is not None
@@ -243,7 +243,7 @@ def test_motion_under_a_press_is_found_by_curl(bench, modes):
 def test_nodes_lost_under_a_press_are_no_motion(bench):
     """Templates are kept while few nodes come and go; a lost one has no depth, which is no step."""
     noise, reader = np.random.default_rng(6), SurfaceReader(bench.rig, bench.optics, bench.grid)
-    press = Gauss(0.2, bench.centre_mm, 0.0, 5.0)
+    press = Load(0.2, bench.centre_mm, 0.0, 5.0)
     assert reader.read(seen(bench, press, noise)).curl is not None
     warp = seen(bench, press, noise)
     flags = warp.flags.copy()

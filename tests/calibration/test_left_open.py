@@ -7,7 +7,8 @@ from small_rigs import SMALL_LCD, quarter
 from zeromethod.calibration import Priors
 from zeromethod.calibration.left_open import LeftOpen
 from zeromethod.optics import Dented, Optics
-from zeromethod.simulation.press import Dent, Mirror, Shape
+from zeromethod.simulation.loads import load
+from zeromethod.simulation.press import Mirror
 from zeromethod.surface import SurfaceReader, peak
 from zeromethod.warp.rest import Rest
 from zeromethod.warp.warp import Warp
@@ -46,7 +47,7 @@ def test_a_press_read_from_a_zero_with_a_wrong_rig_is_within_its_sigma(rest, wro
     true = Optics(priors.at(np.array([wrong.get(name, 0.0) for name in priors.names])))
     u, v = rest.grid.mesh()
     zero = true.trace(u, v, true.rest).q - rest.q
-    dent = Mirror((Dent(Shape.GAUSSIAN, 42.0, 0.0, DEPTH_MM, 5.0),))
+    dent = Mirror((load(42.0, 0.0, DEPTH_MM, 3.5),))
     q = true.trace(u, v, Dented(true.rest, dent)).q - zero
     seen = rest.visible & np.isfinite(q).all(axis=-1)
     warp = Warp(

@@ -22,7 +22,8 @@ from zeromethod.calibration import (
 from zeromethod.calibration.uncertainty import expected, strongest
 from zeromethod.calibration.verdict import tir_margin_deg
 from zeromethod.rig.geometry import GeometrySpec
-from zeromethod.simulation.press import Dent, Mirror, Shape
+from zeromethod.simulation.loads import load
+from zeromethod.simulation.press import Mirror
 
 
 @pytest.fixture(scope="module")
@@ -159,7 +160,7 @@ def test_readings_of_benches_drawn_from_the_posterior_err_as_stated(rest_fit, er
         drawn = rest_fit.priors.at(rest_fit.priors.within(z))
         bench = study.Truth(drawn, rng)
         x_mm, y_mm = bench.place(rng.uniform(0.3, 0.7), rng.uniform(0.3, 0.7))
-        warp = bench.warp(Mirror((Dent(Shape.GAUSSIAN, x_mm, y_mm, 0.2, 5.0),)))
+        warp = bench.warp(Mirror((load(x_mm, y_mm, 0.2, 3.5),)))
         reading = RestReading.of(bench.grid, bench.warp(Mirror())).prepared(fitted)
         found = peak(reading.reader(fitted).read(warp))
         off.append(

@@ -3,12 +3,12 @@ from functools import cache
 import numpy as np
 import pytest
 from planted_frames import PlantedFrames, to_and_fro
-from surface_bench import Gauss
+from surface_bench import Load
 
 from benchmarks.rigs import small_rig
 from zeromethod.warp.observable import observable_part
 
-REST = Gauss(0.0, 42.0, 0.0, 5.0)
+REST = Load(0.0, 42.0, 0.0, 5.0)
 
 
 @cache
@@ -23,7 +23,7 @@ def error_mm(surface, mirror) -> np.ndarray:
 
 @pytest.mark.parametrize(("sigma_mm", "depth_mm"), [(5.0, 2e-3), (1.5, 2e-2), (1.0, 1e-2)])
 def test_dents_narrower_than_the_window_are_read_to_a_thousandth(sigma_mm, depth_mm):
-    mirror = Gauss(depth_mm, 42.0, 0.0, sigma_mm)
+    mirror = Load(depth_mm, 42.0, 0.0, sigma_mm)
     surface = bench().reader.read(bench().frames(mirror))
     # a pixel is 0.2 mm here; the coarse surface is 5 % low at 1.5 mm, and 18 % at 1 mm
     assert np.sqrt(np.mean(error_mm(surface, mirror) ** 2)) < 2e-4 * depth_mm
@@ -32,13 +32,13 @@ def test_dents_narrower_than_the_window_are_read_to_a_thousandth(sigma_mm, depth
 
 
 def test_a_shape_that_the_shown_warp_does_not_null_is_read_all_the_same():
-    mirror = Gauss(5e-4, 42.0, 0.0, 1.0)
+    mirror = Load(5e-4, 42.0, 0.0, 1.0)
     surface = bench().reader.read(bench().frames(mirror, shown=REST))
     assert surface.peak[0] == pytest.approx(5e-4, rel=2e-3)
 
 
 def test_pictures_that_differ_from_frame_to_frame_do_not_enter():
-    mirror = Gauss(2e-3, 42.0, 0.0, 2.0)
+    mirror = Load(2e-3, 42.0, 0.0, 2.0)
     surface = bench().reader.read(bench().frames(mirror, shown_off_px=0.02))
     # left in, 0.02 LCD px over sqrt(8) would tilt the view by 0.4 um; a ripple of half a period stays, of a
     # third of it at pixels of 0.2 mm
@@ -72,7 +72,7 @@ def test_noise_of_earlier_frames_in_the_shown_warp_is_not_in_the_nodes():
 @pytest.mark.parametrize("after", [1, 4, 12, 20])
 def test_a_narrow_dent_that_came_within_the_frames_is_not_read(after):
     """Nodes every 1.6 mm hardly see it; each pixel's frames contradict each other."""
-    dent = Gauss(2e-3, 42.0, 0.0, 0.6)
+    dent = Load(2e-3, 42.0, 0.0, 0.6)
     mirrors, turns = [REST] * (24 - after) + [dent] * after, to_and_fro(24)
     frames = bench().frames(mirrors, turns, shown=REST, noise=2.0)
     surface = bench().reader.read(frames)
@@ -85,7 +85,7 @@ def test_a_narrow_dent_that_came_within_the_frames_is_not_read(after):
 
 
 def test_a_moving_mirror_falls_back_to_its_newest_frame():
-    mirrors = [Gauss(1e-3 * t, 42.0, 0.0, 4.0) for t in range(8)]
+    mirrors = [Load(1e-3 * t, 42.0, 0.0, 4.0) for t in range(8)]
     surface = bench().reader.read(bench().frames(mirrors, noise=2.0))
     middle = np.hypot(surface.x_mm - 42.0, surface.y_mm) < 4.0
     assert surface.share[middle].max() < 0.05

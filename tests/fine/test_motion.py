@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 from planted_frames import PlantedFrames, to_and_fro
-from surface_bench import Gauss
+from surface_bench import Load
 
 from benchmarks.rigs import small_rig
 from zeromethod.fine.motion import Motion, Readings, left_late_s
@@ -74,7 +74,7 @@ def test_what_whole_frames_are_off_by_at_random_is_no_motion():
 
 def test_depth_of_a_dent_that_slides_is_as_wrong_as_stated():
     bench = PlantedFrames(small_rig(4))
-    mirrors = [Gauss(5e-3, 40.0 + 0.05 * t, 0.0, 5.0) for t in range(FRAMES)]
+    mirrors = [Load(5e-3, 40.0 + 0.05 * t, 0.0, 5.0) for t in range(FRAMES)]
     turns = [(float(u), float(v)) for u, v in to_and_fro(FRAMES)]
     surface = bench.reader.read(bench.frames(mirrors, turns, noise=2.0))
     true = mirrors[-1].depth(surface.x_mm.astype(float), surface.y_mm.astype(float))

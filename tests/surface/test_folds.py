@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy import ndimage
-from surface_bench import Gauss, Several
+from surface_bench import Load, Several
 
 from zeromethod.simulation.press import Dent, Mirror, Shape
 from zeromethod.surface import SurfaceReader, peak
@@ -78,7 +78,7 @@ def test_what_is_cut_off_counts_as_beyond_and_not_as_valid(finer):
 
 def test_a_smooth_dent_behind_a_ring_of_lost_nodes_is_read_to_a_percent(small):
     row, col, x, y = middle(small)
-    warp = small.warp(Gauss(0.2, x, y, 6.0))
+    warp = small.warp(Load(0.2, x, y, 6.0))
     away = distance_nodes(small, row, col)
     surface = small.reader.read(flagged(warp, (away > 3.2) & (away < 4.8), Flag.FOLDED))
     assert surface.cut_off is not None
@@ -91,7 +91,7 @@ def test_a_smooth_dent_behind_a_ring_of_lost_nodes_is_read_to_a_percent(small):
 
 def test_across_a_wide_gap_nothing_is_tied_and_sigma_covers_what_may_be_inside(small):
     row, col, x, y = middle(small)
-    warp = small.warp(Gauss(0.2, x, y, 7.0))
+    warp = small.warp(Load(0.2, x, y, 7.0))
     away = distance_nodes(small, row, col)
     surface = small.reader.read(flagged(warp, (away > 2.5) & (away < 8.5), Flag.FOLDED))
     assert surface.cut_off is None
@@ -103,10 +103,11 @@ def test_across_a_wide_gap_nothing_is_tied_and_sigma_covers_what_may_be_inside(s
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_contact_without_light_leaves_open_what_is_inside(small, sign):
     row, col, x, y = middle(small)
-    warp = small.warp(Gauss(sign * 0.1, x, y, 6.0))
+    warp = small.warp(Load(sign * 0.1, x, y, 6.0))
     lost = distance_nodes(small, row, col) < 4.5
     found = peak(small.reader.read(flagged(warp, lost, Flag.LIGHT_LOST)))
-    assert abs(found.depth_mm) < 0.08
+    # loads are taken to push: of a pull the constant is known to 30 um, and within that
+    assert abs(found.depth_mm) < (0.08 if sign > 0.0 else 0.1)
     assert abs(sign * 0.1 - found.depth_mm) < 2 * found.sigma_mm
     # what was measured next to the contact is as well known as ever
     assert found.sigma_local_mm < 0.02 * abs(found.depth_mm)
@@ -115,18 +116,19 @@ def test_a_contact_without_light_leaves_open_what_is_inside(small, sign):
 @pytest.mark.parametrize("sigma_mm", [0.8, 1.0, 1.5])
 @pytest.mark.parametrize("share", [1.0, 2.0])
 def test_a_dent_all_inside_the_hole_that_it_makes_is_within_sigma(finer, sigma_mm, share):
-    """As deep as folds, and twice: 1 to 2 nodes wide; nothing is left at the rim, as under dirt."""
+    """As deep as folds, and twice: 1 to 2 nodes wide; what is left at the rim is flat, as under dirt."""
     row, col, x, y = middle(finer)
-    rest = finer.reader.read(finer.warp(Gauss(1e-9, x, y, 4.0)))
+    rest = finer.reader.read(finer.warp(Load(1e-9, x, y, 4.0)))
     depth = share * rest.fold_per_mm * sigma_mm**2 / RING_CURVATURE
-    warp = finer.warp(Gauss(depth, x, y, sigma_mm))
+    warp = finer.warp(Load(depth, x, y, sigma_mm))
     rest_q = finer.optics.rest_map(*finer.grid.mesh())
     size = finer.rig.display.columns, finer.rig.display.rows
     flags = warp_flags(warp.q, rest_q, finer.grid.period_px, size) & np.uint16(Flag.FOLDED | Flag.UNDRAWABLE)
     inner = distance_nodes(finer, row, col) < 12
     hole = ndimage.binary_dilation((flags != 0) & inner, np.ones((5, 5)))
     found = peak(finer.reader.read(flagged(warp, hole, Flag.LIGHT_LOST)))
-    assert abs(found.depth_mm) < 0.06 * depth
+    # outside the hole 1/r is left of it, and a constant that is known from there alone
+    assert abs(found.depth_mm) < 0.5 * depth
     assert abs(found.depth_mm - depth) < 2 * found.sigma_mm
     # not simply large
     assert found.sigma_mm < 2 * depth
@@ -136,7 +138,7 @@ def test_a_dent_all_inside_the_hole_that_it_makes_is_within_sigma(finer, sigma_m
 @pytest.mark.parametrize("radius_nodes", [0.5, 2.3])
 def test_a_speck_that_hides_no_more_than_a_window_leaves_sigma_at_rest(finer, radius_nodes):
     row, col, x, y = middle(finer)
-    warp = finer.warp(Gauss(1e-9, x, y, 4.0))
+    warp = finer.warp(Load(1e-9, x, y, 4.0))
     whole = peak(finer.reader.read(warp))
     hole = distance_nodes(finer, row, col) < radius_nodes
     holed = peak(finer.reader.read(flagged(warp, hole, Flag.MODULATION)))
@@ -157,7 +159,7 @@ def test_an_opening_in_the_fold_leaves_most_of_its_sigma(finer):
 
 def test_holes_aside_from_the_dent_change_nothing(small):
     row, col, x, y = middle(small)
-    warp = small.warp(Gauss(0.2, x, y, 4.0))
+    warp = small.warp(Load(0.2, x, y, 4.0))
     whole = peak(small.reader.read(warp))
     holed = small.reader.read(flagged(warp, distance_nodes(small, row + 4, col + 12) < 2.0, Flag.LIGHT_LOST))
     assert peak(holed).sigma_mm == pytest.approx(whole.sigma_mm, rel=0.02)
@@ -165,7 +167,7 @@ def test_holes_aside_from_the_dent_change_nothing(small):
 
 def test_a_dead_node_within_the_fit_changes_little(small):
     row, col, x, y = middle(small)
-    warp = small.warp(Gauss(0.2, x, y, 7.0))
+    warp = small.warp(Load(0.2, x, y, 7.0))
     found = peak(small.reader.read(flagged(warp, (row, col + 1), Flag.MODULATION)))
     assert found.depth_mm == pytest.approx(0.2, rel=5e-4)
     # the quartic reaches over it
@@ -175,7 +177,7 @@ def test_a_dead_node_within_the_fit_changes_little(small):
 def test_the_deeper_of_two_dents_may_be_the_one_with_the_hole(small):
     row, col, x, y = middle(small)
     apart = 14 * small.pitch_mm
-    dents = Several((Gauss(0.12, x - apart / 2, y, 4.0), Gauss(0.15, x + apart / 2, y, 4.0)))
+    dents = Several((Load(0.12, x - apart / 2, y, 4.0), Load(0.15, x + apart / 2, y, 4.0)))
     lost = distance_nodes(small, row, col + 7) < 2.6
     found = peak(small.reader.read(flagged(small.warp(dents), lost, Flag.LIGHT_LOST)))
     assert found.depth_mm < 0.14
@@ -185,7 +187,7 @@ def test_the_deeper_of_two_dents_may_be_the_one_with_the_hole(small):
 def test_a_reader_that_met_a_fold_reads_the_next_warp_as_a_new_one_does(finer):
     _, _, x, y = middle(finer)
     folded, _ = ball_warp(finer, 0.15, 3.5, x, y)
-    smooth = finer.warp(Gauss(0.1, x, y, 5.0))
+    smooth = finer.warp(Load(0.1, x, y, 5.0))
     finer.reader.read(folded)
     after = peak(finer.reader.read(smooth)).depth_mm
     fresh = SurfaceReader(finer.rig, finer.optics, finer.grid).read(smooth)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from surface_bench import Bench, Gauss, small_rig
+from surface_bench import Bench, Load, small_rig
 
 from zeromethod.rig.geometry import GeometrySpec
 from zeromethod.surface import peak
@@ -19,7 +19,7 @@ PLANTED = GeometrySpec(
     x_mm=((0.3, 0, 0, 0, 0, 0), (0.4, 0, 0, 0, 0, 0)),
     y_mm=((0, 0, 0, 0, 0, 0), (0, 0, 0.5, 0, 0, 0)),
 )
-DENT = Gauss(0.2, CENTRE_MM + 5.0, 1.0, 6.0)
+DENT = Load(0.2, CENTRE_MM + 5.0, 1.0, 6.0)
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +74,7 @@ def test_a_peak_states_its_own_depth_and_place(exact, calibrated):
 @pytest.mark.parametrize("depth_mm", [0.05, 0.2])
 def test_a_peaks_place_scatters_with_noise_as_stated(exact, depth_mm):
     """40 draws: rms over sigma within a factor of two, of which draws alone take 11 %."""
-    dent, rng = Gauss(depth_mm, CENTRE_MM, 1.0, 6.0), np.random.default_rng(1)
+    dent, rng = Load(depth_mm, CENTRE_MM, 1.0, 6.0), np.random.default_rng(1)
     peaks = [peak(exact.reader.read(exact.warp(dent, rng))) for _ in range(40)]
     for name in ("x", "y"):
         places = np.array([getattr(one, f"{name}_mm") for one in peaks])

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from surface_bench import Gauss
+from surface_bench import Load
 
 from zeromethod.surface.lever import Lever
 from zeromethod.surface.rays import MirrorRays
@@ -24,7 +24,7 @@ def lever(small, rays, pixels):
 @pytest.mark.parametrize("peak_mm", [0.0, 0.2])
 def test_factor_is_the_slope_that_a_small_step_on_the_panel_makes(small, rays, lever, peak_mm):
     """At the pressed mirror itself: by exact rays, the points kept."""
-    dent = Gauss(peak_mm, small.centre_mm - 8.0, 0.0, 5.0)
+    dent = Load(peak_mm, small.centre_mm - 8.0, 0.0, 5.0)
     inner = small.grid.inner
     q, depth = small.warp(dent).q[inner], np.nan_to_num(small.truth(dent)[inner])
     slope, _ = rays.slope(depth, q)

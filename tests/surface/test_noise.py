@@ -3,8 +3,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.interpolate import RBFInterpolator
-from surface_bench import Gauss
+from surface_bench import Bench, Gauss, Load, small_rig
 
+from zeromethod.rig.model import KnownRest
 from zeromethod.surface.integrate import SlopeIntegrator
 from zeromethod.surface.multigrid import LatticeSolution
 from zeromethod.surface.node_variance import NodeVariance
@@ -14,6 +15,12 @@ from zeromethod.surface.samples import sample_nodes
 from zeromethod.surface.thin_plate import thin_plate
 from zeromethod.warp.overlap import component_correlation
 from zeromethod.warp.validity import Flag
+
+
+@pytest.fixture(scope="module")
+def clamped():
+    """A rim is known to be at rest: sigma is that of noise alone."""
+    return Bench(small_rig(known_rest=(KnownRest(x_mm=(62.0, 77.0), y_mm=(-30.0, 30.0)),)))
 
 
 def stated_over_exact(bench, surface, among=True, count=60):
@@ -75,7 +82,7 @@ def test_samples_stay_on_the_island_and_begin_with_a_few_all_over_it():
 
 
 def test_a_nodes_own_variance_is_that_of_its_weights_with_holes(small):
-    warp = small.warp(Gauss(0.05, small.centre_mm, 0.0, 3.0))
+    warp = small.warp(Load(0.05, small.centre_mm, 0.0, 3.0))
     warp.flags[14:19, 18:24] |= np.uint16(Flag.LIGHT_LOST)
     warp.flags[20, 25::2] |= np.uint16(Flag.LIGHT_LOST)
     reader = small.reader.__class__(small.rig, small.optics, small.grid)
@@ -88,8 +95,8 @@ def test_a_nodes_own_variance_is_that_of_its_weights_with_holes(small):
     weights = np.repeat(-last.fit.weights[None], len(nodes), axis=0)
     weights.reshape(len(nodes), -1)[np.arange(len(nodes)), nodes] += 1.0
     expected = noise.variance_of(linear.slope_weights(weights))
-    # the solver's error, squared where weights are those of the noise: 0.1 %
-    np.testing.assert_allclose(exact.of(nodes), expected, rtol=3e-3)
+    # the solver's error, squared where weights are those of the noise: 0.1 %, at one node 0.34 %
+    np.testing.assert_allclose(exact.of(nodes), expected, rtol=5e-3)
     rough = np.exp(log_rough_variance(linear.solution, np.where(island, last.fit.weights, 0.0)))
     ratio = np.sqrt(rough.ravel()[nodes] / expected)
     assert np.abs(ratio / np.median(ratio) - 1.0).max() < 0.3
@@ -129,17 +136,17 @@ def test_the_spline_goes_through_its_values_and_is_the_thin_plates():
     np.testing.assert_allclose(thin_plate(np.arange(5), values[:5], 30, 40), values[:5].mean())
 
 
-def test_sigma_after_a_sudden_change_is_on_the_safe_side_at_once_and_exact_some_readings_later(small):
-    reader = small.reader.__class__(small.rig, small.optics, small.grid)
-    reader.follow(small.warp(Gauss(0.0, small.centre_mm, 0.0, 5.0)))
+def test_sigma_after_a_sudden_change_is_on_the_safe_side_at_once_and_exact_some_readings_later(clamped):
+    reader = clamped.reader.__class__(clamped.rig, clamped.optics, clamped.grid)
+    reader.follow(clamped.warp(Gauss(0.0, clamped.centre_mm, 0.0, 5.0)))
     generator = np.random.default_rng(5)
-    dent = small.warp(Gauss(0.2, small.centre_mm, 0.0, 4.0), generator)
+    dent = clamped.warp(Gauss(0.2, clamped.centre_mm, 0.0, 4.0), generator)
     dent.flags[:, :9] |= np.uint16(Flag.LIGHT_LOST)
     taken = reader._noise._map._sampled
     first = reader.follow(dent)
     assert reader._noise._map._sampled is not taken
     assert reader._noise._map._samples.taken == 0
-    exact = small.reader.__class__(small.rig, small.optics, small.grid).read(dent)
+    exact = clamped.reader.__class__(clamped.rig, clamped.optics, clamped.grid).read(dent)
     ratio = (first.sigma_depth_mm / exact.sigma_depth_mm)[first.valid]
     # by the rough variance, within 15 %, and as much added
     assert np.quantile(ratio, 0.02) > 0.98
@@ -155,27 +162,27 @@ def test_sigma_after_a_sudden_change_is_on_the_safe_side_at_once_and_exact_some_
     # the same weights, and noise of the same reading: what is left is the rescaling
     np.testing.assert_allclose(last.sigma_depth_mm[last.valid], exact.sigma_depth_mm[last.valid], rtol=0.02)
     sampled = reader._noise._map._sampled
-    reader.follow(small.warp(Gauss(0.0, small.centre_mm, 0.0, 5.0)))
+    reader.follow(clamped.warp(Gauss(0.0, clamped.centre_mm, 0.0, 5.0)))
     reader.follow(dent)
     # a mask that comes back, as of a dent that hides nodes while it moves, needs none
     assert reader._noise._map._sampled is sampled
 
 
-def test_sigma_after_new_weights_and_a_lost_strip_comes_close_with_the_first_few_samples(small):
+def test_sigma_after_new_weights_and_a_lost_strip_comes_close_with_the_first_few_samples(clamped):
     """14 % on the safe side before there are any: two leave a third of that, eight less than 2 %."""
-    reader = small.reader.__class__(small.rig, small.optics, small.grid)
-    reader.follow(small.warp(Gauss(0.0, small.centre_mm, 0.0, 5.0)))
-    dent = small.warp(Gauss(0.2, small.centre_mm, 0.0, 4.0), np.random.default_rng(5))
+    reader = clamped.reader.__class__(clamped.rig, clamped.optics, clamped.grid)
+    reader.follow(clamped.warp(Gauss(0.0, clamped.centre_mm, 0.0, 5.0)))
+    dent = clamped.warp(Gauss(0.2, clamped.centre_mm, 0.0, 4.0), np.random.default_rng(5))
     dent.flags[:, :9] |= np.uint16(Flag.LIGHT_LOST)
     valid = reader.follow(dent).valid
-    exact = small.reader.__class__(small.rig, small.optics, small.grid).read(dent).sigma_depth_mm
+    exact = clamped.reader.__class__(clamped.rig, clamped.optics, clamped.grid).read(dent).sigma_depth_mm
     off = [float(np.mean((reader.follow(dent).sigma_depth_mm / exact)[valid])) - 1.0 for _ in range(12)]
     assert -0.01 < min(off) < max(off) < 0.05
     assert np.abs(off[3:]).max() < 0.02
 
 
 def test_sigma_between_the_samples_is_that_of_the_covariance(full):
-    dent = Gauss(0.0, full.centre_mm, 0.0, 5.0)
+    dent = Load(0.0, full.centre_mm, 0.0, 5.0)
     ratio = stated_over_exact(full, full.reader.read(full.warp(dent)))
     # thin-plate spline of the logarithm over a rough one, 13 x 13 points: 1 % rms, 4 % at most
     assert np.abs(ratio - 1).max() < 0.06
@@ -184,9 +191,9 @@ def test_sigma_between_the_samples_is_that_of_the_covariance(full):
 
 def test_a_press_rescales_the_map_without_new_samples(full):
     """The dent stretches the warp and so the noise there, by up to a third in sigma."""
-    full.reader.read(full.warp(Gauss(0.0, full.centre_mm, 0.0, 5.0)))
+    full.reader.read(full.warp(Load(0.0, full.centre_mm, 0.0, 5.0)))
     sampled = full.reader._noise._map._sampled
-    surface = full.reader.read(full.warp(Gauss(0.2, full.centre_mm, 0.0, 5.0)))
+    surface = full.reader.read(full.warp(Load(0.2, full.centre_mm, 0.0, 5.0)))
     assert full.reader._noise._map._sampled is sampled
     ratio = stated_over_exact(full, surface)
     assert np.median(ratio) == pytest.approx(1.0, abs=0.02)
@@ -194,25 +201,15 @@ def test_a_press_rescales_the_map_without_new_samples(full):
     assert np.quantile(np.abs(ratio - 1), 0.95) < 0.12
 
 
-def test_a_moved_anchor_is_accounted_for_without_new_samples(small):
-    small.reader.read(small.warp(Gauss(0.05, small.centre_mm - 12.0, -5.0, 5.0)))
-    sampled, anchor = small.reader._noise._map._sampled, small.reader._noise._map._anchor
-    surface = small.reader.read(small.warp(Gauss(0.05, small.centre_mm + 12.0, 5.0, 5.0)))
-    assert small.reader._noise._map._sampled is sampled
-    assert small.reader._noise._map._anchor is not anchor
-    ratio = stated_over_exact(small, surface)
-    assert np.quantile(np.abs(ratio - 1), 0.95) < 0.06
-
-
 def test_nodes_that_come_back_after_a_hole_have_their_own_sigma(small):
-    """Samples taken with a hole are taken again when it closes, and kept when the anchor moves."""
+    """Samples taken with a hole are taken again when it closes."""
     hole = np.zeros(small.grid.shape, bool)
     hole[14:19, 18:24] = True
     for shift_mm, y_mm in ((-12.0, -5.0), (12.0, 5.0)):
-        warp = small.warp(Gauss(0.05, small.centre_mm + shift_mm, y_mm, 5.0))
+        warp = small.warp(Load(0.05, small.centre_mm + shift_mm, y_mm, 5.0))
         warp.flags[hole] |= np.uint16(Flag.LIGHT_LOST)
         holed = small.reader.read(warp)
-    surface = small.reader.read(small.warp(Gauss(0.05, small.centre_mm + 12.0, 5.0, 5.0)))
+    surface = small.reader.read(small.warp(Load(0.05, small.centre_mm + 12.0, 5.0, 5.0)))
     assert not holed.valid[hole].any()
     ratio = stated_over_exact(small, surface, hole)
     # it was 1.12 while samples were kept
@@ -220,7 +217,7 @@ def test_nodes_that_come_back_after_a_hole_have_their_own_sigma(small):
 
 
 def test_holes_and_odd_shapes_are_sampled_again(small):
-    warp = small.warp(Gauss(0.0, small.centre_mm, 0.0, 5.0))
+    warp = small.warp(Load(0.0, small.centre_mm, 0.0, 5.0))
     warp.flags[12:20, 15:22] |= np.uint16(Flag.LIGHT_LOST)
     warp.flags[25:, :20] |= np.uint16(Flag.LIGHT_LOST)
     ratio = stated_over_exact(small, small.reader.read(warp))
@@ -229,12 +226,12 @@ def test_holes_and_odd_shapes_are_sampled_again(small):
     assert np.abs(ratio - 1).max() < 0.12
 
 
-def test_sigma_scales_with_the_warp_without_new_samples(small):
-    warp = small.warp(Gauss(0.0, small.centre_mm, 0.0, 5.0))
-    once = small.reader.read(warp)
-    sampled = small.reader._noise._map._sampled
-    twice = small.reader.read(replace(warp, sigma=2 * warp.sigma))
-    assert small.reader._noise._map._sampled is sampled
+def test_sigma_scales_with_the_warp_without_new_samples(clamped):
+    warp = clamped.warp(Gauss(0.0, clamped.centre_mm, 0.0, 5.0))
+    once = clamped.reader.read(warp)
+    sampled = clamped.reader._noise._map._sampled
+    twice = clamped.reader.read(replace(warp, sigma=2 * warp.sigma))
+    assert clamped.reader._noise._map._sampled is sampled
     np.testing.assert_allclose(
         twice.sigma_depth_mm[twice.valid], 2 * once.sigma_depth_mm[once.valid], rtol=1e-6
     )
@@ -245,7 +242,7 @@ def test_single_frame_noise_at_rest_on_the_full_grid(full):
     generator = np.random.default_rng(2)
     squares = []
     for _ in range(6):
-        surface = full.reader.read(full.warp(Gauss(0.0, full.centre_mm, 0.0, 5.0), generator))
+        surface = full.reader.read(full.warp(Load(0.0, full.centre_mm, 0.0, 5.0), generator))
         assert surface.anchor.sigma_mm < 20e-6
         squares.append(surface.depth_mm[surface.valid] ** 2)
     # 8 nm in the middle; towards P0 the mirror is within 1 mm of the LCD, where the lever is gone

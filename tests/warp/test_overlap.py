@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from zeromethod.warp.overlap import component_correlation, overlap_correlation
+from zeromethod.warp.overlap import component_correlation, mean_noise_gain, overlap_correlation
 
 
 def test_without_a_carrier_it_is_the_cubic_spline():
@@ -35,3 +35,9 @@ def test_crossed_carriers_have_one_gradient_per_axis():
     own, other = component_correlation(16, 8, "checker")
     plain = overlap_correlation(16, 8)
     assert (own[1] - plain[1]) * (other[1] - plain[1]) < 0
+
+
+def test_noise_of_a_mean_of_correlated_nodes():
+    assert mean_noise_gain(np.array([1.0]), 5) == pytest.approx(0.2)
+    assert mean_noise_gain(np.ones(9), 5) == pytest.approx(1.0)
+    assert mean_noise_gain(np.array([1.0, 0.5]), 2) == pytest.approx(0.75)

@@ -12,7 +12,8 @@ from zeromethod.calibration import build, describe
 from zeromethod.optics import Dented, Optics
 from zeromethod.rig.load import load_rig, parse_rig
 from zeromethod.rig.save import save_values
-from zeromethod.simulation.press import Dent, Mirror, Shape
+from zeromethod.simulation.loads import load
+from zeromethod.simulation.press import Mirror
 from zeromethod.warp.rest import Rest
 from zeromethod.warp.rest_map import Reason, RestMap
 from zeromethod.warp.rest_pixels import RestGrid
@@ -64,7 +65,7 @@ def test_a_press_is_read_on_the_rays_that_the_measured_rest_names(believed, benc
     rig, rest = with_map(believed, rest_map, tmp_path / "rest.npz")
     pixels = NodeGrid(rest.grid.image_shape, rest.grid.period_px).mesh()
     x, y, _ = np.median(bench.trace(*pixels, bench.rest).point[rest.visible], axis=0).tolist()
-    mirror = Mirror((Dent(Shape.GAUSSIAN, x, y, DEPTH_MM, 5.0),))
+    mirror = Mirror((load(x, y, DEPTH_MM, 3.5),))
     q = bench.trace(*pixels, Dented(bench.rest, mirror)).q
     flags = np.where(rest.visible, 0, 1).astype(np.uint16)
     warp = Warp(q, np.full(q.shape, NOISE_PX / 4), flags, 0)

@@ -6,11 +6,12 @@ from small_rigs import with_tables
 
 from zeromethod import NodeGrid, Rig, SurfaceReader, Warp, binned, load_rig, peak
 from zeromethod.optics import Dented, Optics
-from zeromethod.simulation.press import Dent, Mirror, Shape
+from zeromethod.simulation.loads import load
+from zeromethod.simulation.press import Mirror
 from zeromethod.warp.rest_pixels import RestGrid, rest_pixels
 from zeromethod.warp.validity import Flag
 
-PRESS = Mirror((Dent(Shape.GAUSSIAN, 37.0, 4.0, 0.2, 5.0),))
+PRESS = Mirror((load(37.0, 4.0, 0.2, 3.5),))
 
 
 @pytest.fixture(scope="module")

@@ -8,13 +8,16 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from zeromethod.arrays import Float, Mask
+from zeromethod.mechanics.whitening import Whitening
 from zeromethod.surface.block_readings import BlockReadings
-from zeromethod.surface.whitening import Whitening
+from zeromethod.surface.outside import Outside
 
 _UNSURE = 10.0
 """Nats by which evidences of bodies are unsure: loads are learned one by one, and may be others as well."""
 _AGAIN = 0.15
 """Change of chi2 from which it is worth learning again: of one press alone it is noise of 6 %."""
+_SURE = 3.0
+"""Standard deviations from which something presses outside the view."""
 _CHANGED = 30.0
 """Chi2 over the data's number up to which weights learned from one press serve another: a dent that moves 6
 mm, or gets three times as deep."""
@@ -55,7 +58,8 @@ class Fit:
 class OfBody:
     """The constant as one body has it, its variance, mm^2, and that body's evidence, nats.
 
-    variances: (loads,) of all possible loads. others: as bodies have it that are one standard deviation away.
+    variances: (loads,) of all loads. outside: what of them is outside the view. others: as bodies have it
+    that are one standard deviation away.
     """
 
     constant: Linear
@@ -63,6 +67,7 @@ class OfBody:
     evidence: float
     variances: Float
     fit: Fit
+    outside: Outside | None = None
     others: tuple[Linear, ...] = ()
 
 
@@ -79,6 +84,12 @@ class Learned:
     used: Mask
     chi2: float
     from_ns: int = 0
+
+    @property
+    def outside(self) -> Outside | None:
+        """What presses outside the view, where there is something."""
+        found = self.likeliest.outside
+        return found if found is not None and found.q_mm2 > _SURE * found.sigma_q_mm2 else None
 
     @property
     def likeliest(self) -> OfBody:

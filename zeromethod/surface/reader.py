@@ -302,7 +302,10 @@ class SurfaceReader:
             curl = self._drift.test(warp, reading, noise)
         if fit is not None:
             typical = fit.sigma_mm * float(np.sqrt(dot(self._scale**2, island) / np.count_nonzero(island)))
-            anchor = Anchor(fit.mode, self._grid.padded(fit.weights > 0.0, False), typical, fit.far_field_mm)
+            mask = self._grid.padded(fit.weights > 0.0, False)
+            learned = self._constant.learned if fit.mode == "loads" else None
+            by_loads = (0, None) if learned is None else (learned.from_ns, learned.outside)
+            anchor = Anchor(fit.mode, mask, typical, fit.far_field_mm, *by_loads)
         read_nodes = ReadNodes(reading.depth, reading.slope, reading.point)
         contact = warp.flags & (Flag.LIGHT_LOST | Flag.OUTSIDE | Flag.NO_RAY) == Flag.LIGHT_LOST
         surface = Surface(

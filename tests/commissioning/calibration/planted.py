@@ -16,6 +16,7 @@ from zeromethod.clock import Clock
 from zeromethod.optics import Dented, Optics
 from zeromethod.simulation.camera import SimulatedCamera
 from zeromethod.simulation.display import SimulatedDisplay
+from zeromethod.simulation.loads import load
 from zeromethod.simulation.path import PathPoint, PressPath
 from zeromethod.simulation.press import Dent, Mirror, Shape
 from zeromethod.simulation.scenario import Scenario
@@ -25,8 +26,8 @@ LATENCY_S = 0.02
 LEAD_S, MOVE_S, HOLD_S = 0.1, 0.05, 0.6
 """From being asked to the press, its way down and up, and how long it is held."""
 
-PRESS_MM = 5.0
-"""Sigma of the pad."""
+PAD_MM = 3.5
+"""Width of the pad's pressure."""
 
 
 def nominal(coarser: int = 4) -> Rig:
@@ -77,13 +78,15 @@ class PlantedCamera(SimulatedCamera):
 
 @dataclass
 class Hand:
-    """Listens to a calibration, and presses when it is asked to. lines, counts: what it heard."""
+    """Listens to a calibration, and presses when it is asked to. lines, counts: what it heard.
+
+    ball_mm: radius of the ball that it presses with, instead of a soft pad.
+    """
 
     devices: Devices
     depths_mm: Sequence[float] = ()
     places_mm: Sequence[tuple[float, float]] = ()
-    shape: Shape = Shape.GAUSSIAN
-    size_mm: float = PRESS_MM
+    ball_mm: float | None = None
     lines: list[str] = field(default_factory=list)
     counts: dict[str, tuple[int, int]] = field(default_factory=dict)
 
@@ -108,8 +111,9 @@ class Hand:
         path = ((LEAD_S, 0.0), (LEAD_S + MOVE_S, depth), (lifted_s, depth), (lifted_s + MOVE_S, 0.0))
         now_ns = self.devices.clock.now_ns()
         points = tuple(PathPoint(now_ns + round(1e9 * t), x, y, d) for t, d in path)
-        dent = PressPath(Dent(self.shape, x, y, depth, self.size_mm), points)
-        camera.scenario = Scenario("asked for", (dent,), 1e9)
+        pad, ball_mm = load(x, y, depth, PAD_MM), self.ball_mm
+        dent = pad if ball_mm is None else Dent(Shape.BALL, x, y, depth, ball_mm)
+        camera.scenario = Scenario("asked for", (PressPath(dent, points),), 1e9)
 
 
 def read_elsewhere(calibration: Calibration, given: Rig, x_mm: float) -> tuple[float, float]:
@@ -126,7 +130,7 @@ def read_elsewhere(calibration: Calibration, given: Rig, x_mm: float) -> tuple[f
         q = optics.trace(*grid.mesh(), Dented(optics.rest, mirror)).q
         return Warp(q, np.full(q.shape, 0.02), flags, 0)
 
-    other = KnownPress("other", warp(Mirror((Dent(Shape.GAUSSIAN, x_mm, -2.0, depth_mm, 4.0),))), 0.1, 0.1)
+    other = KnownPress("other", warp(Mirror((load(x_mm, -2.0, depth_mm, 2.8),))), 0.1, 0.1)
     presses = Presses.of(RestReading.of(grid, warp(Mirror())), [other])
     (peak,) = presses.prepared(calibration.rig).peaks(calibration.rig)
     return peak.depth_mm, depth_mm

@@ -15,7 +15,6 @@ from zeromethod.commissioning.calibration import (
     record,
     store_calibration,
 )
-from zeromethod.simulation.press import Shape
 
 from .planted import Hand, quarter, truth
 
@@ -34,7 +33,7 @@ def bench() -> Rig:
 @pytest.fixture(scope="module")
 def pressed() -> tuple[Recorded, list[str]]:
     with open_devices(bench()) as devices:
-        hand = Hand(devices, (DEPTH_MM,), ((40.0, 0.0),), shape=Shape.BALL, size_mm=RADIUS_MM)
+        hand = Hand(devices, (DEPTH_MM,), ((40.0, 0.0),), ball_mm=RADIUS_MM)
         recorded, _ = record(quarter(), devices, PLAN, hand)
     return recorded, hand.lines
 
