@@ -75,22 +75,14 @@ MARGIN_MM = 20.0
 FAMILY_RMS = 1.2
 """Most of the rms error of another version, in any family."""
 
-Place = Callable[[np.random.Generator, Float, Float], Float]
-"""Draws (x, y), mm, by the least and the largest of the view."""
 
+def place(draw: np.random.Generator, low: Float, high: Float, beyond: float | None) -> Float:
+    """(x, y) mm in the view and up to a share of it beyond (inwards: < 0).
 
-def inside(draw: np.random.Generator, low: Float, high: Float) -> Float:
-    """In the view, but for its border."""
-    return np.asarray(low + draw.uniform(0.15, 0.85, 2) * (high - low))
-
-
-def anywhere(draw: np.random.Generator, low: Float, high: Float) -> Float:
-    """In the view and somewhat beyond."""
-    return np.asarray(low + draw.uniform(-0.15, 1.15, 2) * (high - low))
-
-
-def by_the_border(draw: np.random.Generator, low: Float, high: Float) -> Float:
-    """Beside one of the view's sides, 10 mm inside to `MARGIN_MM` outside."""
+    None: beside one of its sides, 10 mm inside to `MARGIN_MM` outside.
+    """
+    if beyond is not None:
+        return np.asarray(low + draw.uniform(-beyond, 1.0 + beyond, 2) * (high - low))
     at = low + draw.uniform(0.0, 1.0, 2) * (high - low)
     axis, away = draw.integers(2), draw.uniform(-10.0, MARGIN_MM)
     at[axis] = low[axis] - away if draw.uniform() < 0.5 else high[axis] + away
@@ -101,11 +93,11 @@ def by_the_border(draw: np.random.Generator, low: Float, high: Float) -> Float:
 class Loaded:
     """What rubber makes: loads of these kinds and widths (that of a Gaussian as broad, mm), fewest to most.
 
-    narrow: whether the narrowest are for the middle of the view at full size.
+    beyond: as `place` has it. narrow: whether the narrowest are for the middle of the view at full size.
     """
 
     name: str
-    place: Place
+    beyond: float | None
     kinds: tuple[str, ...]
     widths_mm: tuple[float, float]
     counts: tuple[int, int] = (1, 1)
@@ -114,13 +106,13 @@ class Loaded:
 
 SOFT = ("gaussian", "rough", "parabola", "ball")
 LOADED = (
-    Loaded("one load", inside, SOFT, (1.0, 12.0), narrow=True),
-    Loaded("several loads", anywhere, SOFT, (2.8, 10.0), (2, 5)),
-    Loaded("load near the border", by_the_border, SOFT, (2.8, 12.0)),
-    Loaded("ball", anywhere, ("ball",), (1.8, 7.0)),
-    Loaded("cone", anywhere, ("cone",), (1.8, 7.0)),
-    Loaded("flat punch or ring", anywhere, ("punch", "ring"), (2.8, 8.0)),
-    Loaded("prism", inside, SOFT, (2.8, 10.0), (1, 2)),
+    Loaded("one load", -0.15, SOFT, (1.0, 12.0), narrow=True),
+    Loaded("several loads", 0.15, SOFT, (2.8, 10.0), (2, 5)),
+    Loaded("load near the border", None, SOFT, (2.8, 12.0)),
+    Loaded("ball", 0.15, ("ball",), (1.8, 7.0)),
+    Loaded("cone", 0.15, ("cone",), (1.8, 7.0)),
+    Loaded("flat punch or ring", 0.15, ("punch", "ring"), (2.8, 8.0)),
+    Loaded("prism", -0.15, SOFT, (2.8, 10.0), (1, 2)),
 )
 
 
@@ -242,18 +234,13 @@ def drawn(family: Family, view: View, draw: np.random.Generator, smallest_mm: fl
     profile = family.profile(draw)
     parts = []
     for _ in range(family.count):
-        share = (
-            draw.uniform(0.42, 0.58, 2)
-            if family.narrow
-            else draw.uniform(-family.beyond, 1.0 + family.beyond, 2)
-        )
+        x, y = place(draw, low, high, -0.42 if family.narrow else family.beyond)
         size_mm = _between(draw, max(family.smallest_mm, smallest_mm), family.largest_mm)
         stretch, angle = np.sqrt(draw.uniform(1.0, family.longest)), draw.uniform(0.0, np.pi)
         short_mm = size_mm / stretch
         steepest = MOST_SLOPE * short_mm * exp(0.5)
         folds = short_mm**2 / (RING_CURVATURE * LEVER_MM)
         depth_mm = draw.uniform(0.1, 1.0) * min(steepest, MOST_OF_FOLD * folds, DEEPEST_MM)
-        x, y = low + share * (high - low)
         parts.append(Planted(profile, depth_mm, float(x), float(y), size_mm, float(stretch), float(angle)))
     return parts[0] if family.count == 1 else Sum(tuple(parts))
 
@@ -275,7 +262,7 @@ def pressed(
         width_mm = _between(
             draw, max(narrowest, smallest_mm / sqrt(2)) if family.narrow else narrowest, widest
         )
-        x, y = (float(at) for at in family.place(draw, low, high))
+        x, y = (float(at) for at in place(draw, low, high, family.beyond))
         kind, q = family.kinds[(turn // 2 + number) % len(family.kinds)], width_mm * draw.uniform(0.2, 1.0)
         loads += rough(draw, q, x, y, width_mm) if kind == "rough" else [Load(kind, q, x, y, width_mm)]
     prism = held_prism(view.rig) if family.name == "prism" else None

@@ -4,8 +4,8 @@ A pressure of Hankel transform P(k), P(0) = 1, and force F makes the dent
 
     d(r) = q integral of P(k) s(k T) J0(k r) dk,   q = F (1 - nu^2) / (pi E),
 
-q / r far away on a half-space (s = 1); s is what a layer of thickness T yields, over a half-space. What a
-prism adds is the simulated bench's, in finite elements. Nothing here is of `zeromethod.mechanics`, by which
+q / r far away on a half-space (s = 1); s is what a layer of thickness T yields, over a half-space. That
+share and what a prism adds are the simulated bench's. Nothing here is of `zeromethod.mechanics`, by which
 depth is read. Source: Johnson 1985, Contact Mechanics, 3 to 5, doi:10.1017/CBO9781139171731.
 """
 
@@ -23,6 +23,7 @@ from scipy.special import j0, jv
 from zeromethod.arrays import Float
 from zeromethod.rig.model import Rig
 from zeromethod.rig.tables import FaceSupports
+from zeromethod.simulation.contact.compliance import layer_factor
 from zeromethod.simulation.elements.prism import HeldPrism, PrismKernel, prism_kernel
 
 POISSON = 0.49
@@ -80,17 +81,6 @@ def _half_space(kind: str) -> tuple[BSpline, float]:
     return make_interp_spline(reach, j0(np.outer(reach, k)) @ weight, k=5), broad
 
 
-def layer_share(waves: Float, poisson: float) -> Float:
-    """Depth of a layer bonded to a rigid base over that of a half-space, by wave number x thickness.
-
-    Source: Johnson 5.8.
-    """
-    kappa, decay = 3 - 4 * poisson, np.exp(-2 * waves)
-    above = kappa * (1 - decay**2) - 4 * waves * decay
-    below = kappa * (1 + decay**2) + (1 + kappa**2 + 4 * waves**2) * decay
-    return np.asarray(above / below)
-
-
 @lru_cache(64)
 def _layer_lacks(kind: str, width_mm: float, thickness_mm: float) -> BSpline:
     """What a layer adds to a half-space's depth per q, 1/mm, by distance up to 150 mm."""
@@ -98,7 +88,7 @@ def _layer_lacks(kind: str, width_mm: float, thickness_mm: float) -> BSpline:
     reach = np.linspace(0.0, 150.0, 600)
     k, weight = _waves(-0.6 * np.log(_SMALL) / thickness_mm, reach[-1])
     y = k * width_mm * pressure.radius
-    lacks = layer_share(k * thickness_mm, POISSON) - 1
+    lacks = layer_factor(k * thickness_mm, POISSON, bonded=True) - 1
     weight = weight * lacks * pressure.transform(y) * np.exp(-0.5 * (pressure.blur * y) ** 2)
     return make_interp_spline(reach, j0(np.outer(reach, k)) @ weight, k=5)
 

@@ -64,7 +64,7 @@ def pressed(
     path: list[tuple[float, float]],
     sigma_mm: float = 5.0,
     at_mm: tuple[float, float] = (VIEW_MIDDLE_MM, 0.0),
-    shape: str = "gaussian",
+    shape: str = "load",
 ) -> Iterator[Rig]:
     """Rig under a load that follows (time s, depth mm) points; equal times are a jump.
 
@@ -79,7 +79,7 @@ def pressed(
         yield rig.model_copy(update={"scenario": str(file)})
 
 
-def pressing(sigma_mm: float, shape: str = "gaussian") -> str:
+def pressing(sigma_mm: float, shape: str = "load") -> str:
     """Shape and size of loads in a press file, or of "gaussian", the dent that is as curved in its middle."""
     if shape == "gaussian":
         return f'shape="gaussian"\nsigma_mm={sigma_mm!r}'

@@ -21,7 +21,6 @@ import click
 import numpy as np
 
 from benchmarks.calibration_benches import View
-from benchmarks.pads import bar, pad
 from benchmarks.parts import Parts, part_options
 from benchmarks.report import Figure, Report, benchmark, figure, start
 from benchmarks.rigs import small_rig
@@ -33,9 +32,12 @@ from zeromethod.errors import InputError, MeasurementError
 from zeromethod.loop.state import NULLED
 from zeromethod.rig.model import Rig
 from zeromethod.session.session import Session
+from zeromethod.simulation import loads
 from zeromethod.simulation.camera import SimulatedCamera
 from zeromethod.simulation.contact.objects import ALBEDO, Form, Solid
 from zeromethod.simulation.contact.path import ObjectPath
+from zeromethod.simulation.load_path import LoadPath
+from zeromethod.simulation.loads import Load
 from zeromethod.simulation.path import PathPoint, PressPath
 from zeromethod.simulation.press import Dent, Shape
 from zeromethod.simulation.scenario import Scenario
@@ -110,14 +112,14 @@ def _solid(draw: np.random.Generator) -> Solid:
     )  # fmt: skip
 
 
-def _dent(draw: np.random.Generator, x_mm: float, y_mm: float, depth_mm: float) -> Dent:
-    kind = int(draw.integers(3))
+def _soft(draw: np.random.Generator, x_mm: float, y_mm: float, depth_mm: float) -> Dent | Load:
+    kind, width_mm = int(draw.integers(3)), _size(draw, 1.4, 10.0)
     if kind == 0:
-        return pad(x_mm, y_mm, depth_mm, _size(draw, 2.0, 15.0))
+        return Load(loads.Form.LOAD, width_mm)
     if kind == 1:
         return Dent(Shape.BALL, x_mm, y_mm, depth_mm, _size(draw, 1.0, 6.0) ** 2 / depth_mm)
-    angle = float(draw.uniform(0.0, 180.0))
-    return bar(x_mm, y_mm, depth_mm, _size(draw, 2.0, 6.0), float(draw.uniform(4.0, 12.0)), angle)
+    length_mm, angle_deg = float(draw.uniform(4.0, 12.0)), float(draw.uniform(0.0, 180.0))
+    return Load(loads.Form.ROD, min(width_mm, 4.0), length_mm=length_mm, angle_deg=angle_deg)
 
 
 def _course(
@@ -161,6 +163,7 @@ def case(number: int) -> Case:
     places: list[tuple[float, float]] = []
     names: list[str] = []
     paths: list[PressPath] = []
+    pressing: list[LoadPath] = []
     objects: list[ObjectPath] = []
     for one in range(1 + int(draw.choice(3, p=HOW_MANY))):
         for _ in range(100):
@@ -170,9 +173,12 @@ def case(number: int) -> Case:
         places.append((x, y))
         depth_mm = _size(draw, *DEPTHS_MM)
         if draw.uniform() < 0.5:
-            dent = _dent(draw, x, y, depth_mm)
-            paths.append(PressPath(dent, _course(rig, draw, x, y, depth_mm, slides=True)))
-            names.append(f"{dent.shape.value} {1e3 * depth_mm:.3g} µm")
+            soft, course = _soft(draw, x, y, depth_mm), _course(rig, draw, x, y, depth_mm, slides=True)
+            if isinstance(soft, Load):
+                pressing.append(LoadPath(soft, course))
+            else:
+                paths.append(PressPath(soft, course))
+            names.append(f"{'ball' if isinstance(soft, Dent) else soft.form} {1e3 * depth_mm:.3g} µm")
         else:
             solid = _solid(draw)
             jump = _course(rig, draw, x, y, depth_mm, slides=False)
@@ -181,7 +187,9 @@ def case(number: int) -> Case:
             objects.append(ObjectPath(solid, jump, number=one))
             names.append(f"hard {solid.form.value} {1e3 * depth_mm:.3g} µm")
     words = ", ".join(names) + (", dirt" if dirty else "") + (", prism" if prism else "")
-    scenario = Scenario("scenario", tuple(paths), 1e9, (), tuple(objects), rig.rubber, rig.prism)
+    scenario = Scenario(
+        "scenario", tuple(paths), 1e9, (), tuple(objects), rig.rubber, rig.prism, loads=tuple(pressing)
+    )
     return Case(words, rig, scenario)
 
 

@@ -1,4 +1,4 @@
-"""Depth read on the thin saw: dents of sigma 1.5 to 8 mm anywhere on the face, on seams, over three teeth.
+"""Depth read on the thin saw: loads of sigma 1.5 to 8 mm anywhere on the face, on seams, over three teeth.
 
 The packaged rig `thin`, its geometry known. Warps are exact rays with one frame's noise; what sees a seam
 is not in them. Dents are 0.3 of their fold limit deep (of sigma 8 mm 0.15, which still ends on the LCD). A
@@ -52,8 +52,8 @@ from zeromethod.warp.warp import Warp
 SIGMAS_MM = (1.5, 2.0, 3.0, 5.0, 8.0)
 OFF_SEAM_MM = (0.0, 1.4, 4.15)
 """From a seam: on it, where its nodes' neighbours are, in the middle of a tooth."""
-FOLD_MM_5 = 0.66
-"""Depth at which a dent of sigma 5 mm folds; it grows as sigma squared."""
+FOLD_MM_5 = 0.82
+"""Depth at which a load of sigma 5 mm folds; it grows as sigma squared."""
 SHARE, WIDE_SHARE, WIDE_MM = 0.3, 0.15, 6.0
 MOST_PERCENT, MOST_BAND_MM, MOST_FAR = 0.5, 0.6, 0.01
 FAR_SIGMAS = 3.0

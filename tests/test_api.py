@@ -175,7 +175,7 @@ def test_fringes_on_disk_are_decoded(tmp_path: Path) -> None:
 
 def test_a_rig_is_assessed() -> None:
     rig = zm.binned(zm.load_rig("simulated"), 8)
-    figures = zm.assess_rig(rig, presses=["gaussian:5"], vary=["gap=0.4:0.6:2"])
+    figures = zm.assess_rig(rig, presses=["load:3.5"], vary=["gap=0.4:0.6:2"])
     assert figures["tir"]["centre_margin_deg"] > 0
     assert len(figures["presses"]) == 1
     assert len(figures["vary"]) == 1

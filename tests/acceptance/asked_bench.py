@@ -7,17 +7,19 @@ prints the camera's address; "press X Y DEPTH" and "lift" on standard input do j
 
 import sys
 import threading
+from dataclasses import replace
 from typing import Any
 
 from zeromethod import limit_threads, load_rig
-from zeromethod.simulation.press import Dent, Mirror, Shape
+from zeromethod.simulation.loads import load
+from zeromethod.simulation.press import Mirror
 from zeromethod.simulation.scenario import Scenario
 from zeromethod.simulation.virtual_bench.bench import Bender, Performance, VirtualBench
 from zeromethod.simulation.virtual_bench.grab import MonitorGrabber, find_monitor
 from zeromethod.simulation.virtual_bench.stream import FrameServer, stream_header
 
 MOVE_S = 0.5
-PAD_MM = 5.0
+PAD = load(0.0, 0.0, 1.0, 3.5)
 
 
 class Asked(Scenario):
@@ -35,7 +37,7 @@ class Asked(Scenario):
         object.__setattr__(self, "depth_mm", new)
         object.__setattr__(self, "last_ns", time_ns)
         x, y, _ = self.place
-        return Mirror((Dent(Shape.GAUSSIAN, x, y, new, PAD_MM),) if new > 0 else ())
+        return Mirror((replace(PAD, x_mm=x, y_mm=y, depth_mm=new),) if new > 0 else ())
 
     def obey(self, line: str) -> None:
         words = line.split()

@@ -58,7 +58,7 @@ def _press(slower: int) -> str:
         f"{{ time_s = {starts_s[name]}, x_mm = {x}, y_mm = 0.0, depth_mm = {depth} }}"
         for name, (x, depth) in PATH.items()
     ]
-    lines += ["[[press]]", 'shape = "gaussian"', "sigma_mm = 5.0", f"path = [{', '.join(points)}]"]
+    lines += ["[[press]]", 'shape = "load"', "width_mm = 3.5", f"path = [{', '.join(points)}]"]
     return "\n".join(lines)
 
 

@@ -22,7 +22,8 @@ from zeromethod.commissioning.calibration.evaluation import geometry_values
 from zeromethod.optics import Dented, Optics
 from zeromethod.resources import resource
 from zeromethod.rig.save import save_values
-from zeromethod.simulation.press import Dent, Mirror, Shape
+from zeromethod.simulation.loads import load
+from zeromethod.simulation.press import Mirror
 from zeromethod.warp.validity import Flag
 
 pytest.importorskip("mss")
@@ -134,7 +135,7 @@ def test_other_presses_are_read_in_millimetres(calibrated, true_rig):
 
     others = [(30.0, 3.0, 0.1, 4.0), (45.0, 0.0, 0.25, 6.0), (52.0, -3.0, 0.06, 4.0)]
     known = [
-        KnownPress(f"{depth}", warp(Mirror((Dent(Shape.GAUSSIAN, x, y, depth, size),))), depth, depth)
+        KnownPress(f"{depth}", warp(Mirror((load(x, y, depth, size / np.sqrt(2)),))), depth, depth)
         for x, y, depth, size in others
     ]
     read = Presses.of(RestReading.of(grid, warp(Mirror())), known).prepared(found).peaks(found)

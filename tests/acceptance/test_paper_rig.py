@@ -12,7 +12,7 @@ from zeromethod.surface.comparison import AT_REST, usable_nodes
 
 
 def scenario(
-    folder: Path, path: str, shape: str = 'shape = "gaussian"\nsigma_mm = 5.0', hold: str = "hold"
+    folder: Path, path: str, shape: str = 'shape = "load"\nwidth_mm = 3.5', hold: str = "hold"
 ) -> Path:
     file = folder / "press.toml"
     file.write_text(

@@ -2,12 +2,10 @@
 
 `tests/data/reference.npz` holds a seeded run on the packaged bench of 160 x 128 camera px, its coded strips
 included: every frame and every picture shown while a soft pad came down and slid. Warps and depths are those
-of 0.1.0 less what the blur of the panel's apertures had added (4e-4 LCD px, 7 nm of 60 um, at most), with
-the anchor's constant as the far field is fitted since: at most 0.12 um, in a frame whose anchor had 0.55 um,
-then 20 nm, in a frame whose anchor has 160 nm, 8 nm, with 67 nm, and then, with dents fitted to the slopes,
-59 nm, in a frame whose noise is 0.3 um, then, with dents that noise hides allowed for, 1.6 nm, in a frame
-whose anchor has 29 nm; less that constant, depths stayed within 0.12 nm. Last, the light of frames at rest is
-learned, as the loop does: 0.003 LCD px of a command and 25 nm of a depth, at most.
+of 0.1.0 less what the blur of the panel's apertures had added (4e-4 LCD px, 7 nm of 60 um, at most), and less
+depth's constant, which is no matter of pictures: by formula as this pad is, no loads make its dent, and the
+constant is up to 3 um off. That moves nodes over the mirror, and changes depths by 0.23 % of it. The light
+of frames at rest is learned, as the loop does: 0.003 LCD px of a command and 25 nm of a depth, at most.
 """
 
 from pathlib import Path
@@ -58,6 +56,8 @@ def test_recorded_frames_give_the_warps_and_depths_of_the_reference(reference, t
         # LCD px: far below the noise of 0.008, far above the last bits of other processors' arithmetic
         np.testing.assert_allclose(warp.q, reference["measured_q"][index], rtol=0, atol=1e-6)
         np.testing.assert_allclose(circle.controller.commanded, reference["commanded_q"][index], atol=1e-6)
-        depth_mm = reader.read(warp).depth_mm
-        np.testing.assert_allclose(depth_mm, reference["depth_mm"][index], rtol=0, atol=1e-7)
+        off = (reader.read(warp).depth_mm - reference["depth_mm"][index])[circle.rest.grid.inner]
+        off /= reader.scale
+        constant_mm = np.nanmean(off)
+        np.testing.assert_allclose(off, constant_mm, rtol=0, atol=1e-7 + 2.5e-3 * abs(constant_mm))
     assert measured >= 24

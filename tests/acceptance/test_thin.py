@@ -1,12 +1,13 @@
 """A saw's teeth under one mirror: a press that opens all seams from one frame to the next."""
 
+import numpy as np
 import pytest
 
 from benchmarks.honesty import PRESS_AT, bench_by_name, deviation, pressed
 from zeromethod import Session
 from zeromethod.devices.opening import open_devices
 from zeromethod.loop.state import State
-from zeromethod.simulation.press import Dent, Shape
+from zeromethod.simulation.loads import load
 
 
 @pytest.mark.parametrize(
@@ -14,7 +15,7 @@ from zeromethod.simulation.press import Dent, Shape
 )
 def test_a_sudden_wide_pad_is_nulled_and_read_within_its_sigma(x_mm, y_mm, depth_mm, sigma_mm):
     rig = bench_by_name("thin").replace({"camera.rows": 320, "camera.centre_px": (255.5, 159.5)})
-    dent = Dent(Shape.GAUSSIAN, x_mm, y_mm, depth_mm, sigma_mm)
+    dent = load(x_mm, y_mm, depth_mm, sigma_mm / np.sqrt(2), rig.rubber)
     with open_devices(rig) as devices:
         camera = devices.camera
         camera.scenario = pressed(rig, [dent])

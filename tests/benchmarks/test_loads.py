@@ -8,7 +8,7 @@ from scipy.special import i0e, i1e
 
 from benchmarks.anchors import LOADED, MARGIN_MM, View, pressed
 from benchmarks.hand_presses import MOST_SLOPE
-from benchmarks.loads import POISSON, PRESSURES, Load, Pressed, layer_share
+from benchmarks.loads import POISSON, PRESSURES, Load, Pressed
 from benchmarks.rigs import small_rig
 from zeromethod.simulation.elements.prism import PrismKernel
 from zeromethod.simulation.shapes import ball, cone
@@ -77,7 +77,6 @@ def test_a_layer_as_a_whole_yields_to_compression_alone():
     volume = 2 * pi * np.trapezoid(depth * r, r)
     expected = pi * Q * 5.0 * (1 - 2 * POISSON) / (1 - POISSON) ** 2
     assert volume == pytest.approx(expected, rel=0.01)
-    assert layer_share(np.array([40.0]), POISSON)[0] == pytest.approx(1.0, abs=1e-12)
 
 
 def test_a_prism_adds_what_its_kernel_has_for_the_force():

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.special import ive
 
 from zeromethod.design import SampledView, lever
 
@@ -59,6 +60,14 @@ def test_the_ring_of_a_gaussian_bends_0_446_times_as_much_as_its_middle():
     r = np.linspace(0.0, 5.0, 20001)
     profile = np.exp(-(r**2) / 2)
     assert pytest.approx(((r**2 - 1) * profile).max(), rel=1e-6) == lever.GAUSSIAN_RING
+
+
+def test_the_ring_of_a_load_bends_0_358_times_as_much_as_its_middle():
+    r = np.linspace(0.0, 5.0, 20001)
+    u = r**2 / 4
+    slope = (ive(1, u) - ive(0, u)) * r / 2  # the curvature in the middle is -1 / 2
+    # differences over 2.5e-4 of a width
+    assert pytest.approx(2 * np.gradient(slope, r).max(), rel=1e-5) == lever.LOAD_RING
 
 
 def test_the_depth_that_folds_grows_with_the_square_of_the_size(view):

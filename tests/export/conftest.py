@@ -103,7 +103,7 @@ def plant(path: Path, keep: tuple[str, ...] = ("frames", "residual", "warps", "s
                 np.where(valid[..., None], 1e-5, np.nan) * np.ones(2),
                 valid,
                 contact,
-                Anchor("quiet", valid, 0.0),
+                Anchor("loads", valid, 0.0),
                 time_ns,
                 3,
             )

@@ -38,7 +38,7 @@ def dent(
         contact[dark], valid[dark] = True, False
     depth[~valid], slope[~valid] = np.nan, np.nan
     sigma = np.where(valid, sigma_mm, np.nan)
-    anchor = Anchor("quiet", np.zeros(shape, bool), 0.0)
+    anchor = Anchor("loads", np.zeros(shape, bool), 0.0)
     both = np.stack([sigma, sigma], axis=-1)
     surface = Surface(depth, slope, x, y, sigma, both, valid, contact, anchor, time_ns, 3)
     return surface, peak(surface)

@@ -263,7 +263,7 @@ def test_what_is_no_recording_is_refused(truth, tmp_path):
 def test_a_file_that_the_rig_names_comes_along(tmp_path):
     press = tmp_path / "mine.toml"
     press.write_text(
-        '[[press]]\nshape="gaussian"\nsigma_mm=5.0\npath=[{time_s=0.0,x_mm=42.0,y_mm=0.0,depth_mm=0.1}]\n'
+        '[[press]]\nshape="load"\nwidth_mm=3.5\npath=[{time_s=0.0,x_mm=42.0,y_mm=0.0,depth_mm=0.1}]\n'
     )
     path = recorded(tmp_path / "run.h5", 0.1, rig=small_rig(press=str(press)))
     text = press.read_text()

@@ -11,8 +11,8 @@ from commissioning.calibration import planted
 import zeromethod as zm
 from zeromethod.devices.opening import Devices, open_devices
 from zeromethod.simulation.camera import SimulatedCamera
+from zeromethod.simulation.loads import load
 from zeromethod.simulation.path import PathPoint, PressPath
-from zeromethod.simulation.press import Dent, Shape
 from zeromethod.simulation.scenario import Scenario
 from zeromethod.warp.rest_map import RestMap
 
@@ -32,7 +32,7 @@ def bench(pressed: bool = False) -> Iterator[Devices]:
         assert isinstance(camera, SimulatedCamera)
         points = (PathPoint(0, 38.0, -1.0, 0.0), PathPoint(1, 38.0, -1.0, DEPTH_MM))
         points += (PathPoint(10**12, 38.0, -1.0, DEPTH_MM),)
-        dent = Dent(Shape.GAUSSIAN, 38.0, -1.0, DEPTH_MM, planted.PRESS_MM)
+        dent = load(38.0, -1.0, DEPTH_MM, planted.PRESS_MM / np.sqrt(2))
         camera.scenario = Scenario("held", (PressPath(dent, points),) if pressed else (), 1e9)
         yield devices
 

@@ -6,11 +6,11 @@ from small_rigs import SMALL_LCD, quarter, with_tables
 import zeromethod as zm
 from zeromethod.devices.opening import open_devices
 from zeromethod.rig.geometry import GeometrySpec
+from zeromethod.simulation.loads import load
 from zeromethod.simulation.path import PathPoint, PressPath
-from zeromethod.simulation.press import Dent, Shape
 from zeromethod.simulation.scenario import Scenario
 
-DENT = Dent(Shape.GAUSSIAN, 42.0, 0.0, 0.1, 6.0)
+DENT = load(42.0, 0.0, 0.1, 4.2)
 PRESSED_NS = 600_000_000
 
 

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from zeromethod import InputError, binned, load_rig
 from zeromethod.resources import resource
 from zeromethod.rig.save import save_values
+from zeromethod.simulation.loads import rough
 from zeromethod.simulation.numpy_renderer import NumpyRenderer
 from zeromethod.simulation.press import Dent, Mirror, Shape
 from zeromethod.simulation.renderer import Piece
@@ -157,13 +158,20 @@ def test_the_truth_is_written_line_by_line_as_the_press_file_has_it(tmp_path):
             else:
                 place = {"x_mm": x_mm, "y_mm": 0.0, "depth_mm": depth_mm}
                 assert line["presses"] == [
-                    {"shape": "gaussian"} | {k: pytest.approx(v) for k, v in place.items()}
+                    {"shape": "radial"} | {k: pytest.approx(v) for k, v in place.items()}
                 ]
                 # searched for to 1e-4 mm
                 assert (line["peak_x_mm"], line["peak_y_mm"]) == pytest.approx((x_mm, 0.0), abs=2e-4)
     assert len(truth_lines(path)) == 1 + len(known)
     assert not performance.over(start_ns + 39_000_000_000)
     assert performance.over(start_ns + 40_000_000_000)
+
+
+def test_the_deepest_point_of_what_is_rough_is_found():
+    dent = rough(40.0, 1.0, 0.1, 8.0, 0.5, 7)
+    found = deepest(Mirror((dent,)))
+    assert found.depth_mm == pytest.approx(0.1, rel=1e-4)
+    assert float(Mirror((dent,)).depth(found.x_mm, found.y_mm)) == found.depth_mm
 
 
 def test_before_it_is_started_nothing_presses():

@@ -40,6 +40,8 @@ def depth_nm_per_px(view: SampledView) -> Float:
 
 GAUSSIAN_RING = 2.0 * np.exp(-1.5)
 """Largest concave curvature of a Gaussian, on the ring at sqrt(3) sigma, in units of depth / sigma^2."""
+LOAD_RING = 0.357769
+"""The same of a load on a half-space, exp(-u) I0(u), u = r^2 / 4 width^2, in units of depth / 2 width^2."""
 
 
 def bending(view: SampledView) -> Float:
@@ -70,4 +72,10 @@ def largest_curvature_per_mm(view: SampledView) -> Float:
 def gaussian_fold_mm(view: SampledView, sigma_mm: float) -> Float:
     """Depth of a Gaussian press whose ring folds, the lever even over the press, (rows, cols), mm."""
     result: Float = largest_curvature_per_mm(view) * sigma_mm**2 / GAUSSIAN_RING
+    return result
+
+
+def load_fold_mm(view: SampledView, width_mm: float) -> Float:
+    """The same of a load, whose dent has the curvature d0 / 2 width^2 in its middle."""
+    result: Float = largest_curvature_per_mm(view) * 2 * width_mm**2 / LOAD_RING
     return result

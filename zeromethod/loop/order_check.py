@@ -147,8 +147,10 @@ class OrderCheck:
         jump_px = JUMP_PERIODS * self._rest.grid.period_px
         if self._kept is None:
             quiet, jumped = _changes(residual.d, expected.residual_px, residual.flags, QUIET_PX, jump_px)
-            jumps = jumped > JUMPED_SHARE and quiet < JUMPED_QUIET_SHARE
-            moves = self._still and quiet < JUMPED_QUIET_SHARE and self._as_one_piece(residual, expected)
+            # a press bends the picture, however far it is seen; a bench that moves does not
+            all_moved = quiet < JUMPED_QUIET_SHARE and (self._still or jumped > JUMPED_SHARE)
+            moves = all_moved and self._as_one_piece(residual, expected)
+            jumps = moves and jumped > JUMPED_SHARE
             slides = self._slides(residual, quiet)
             self._still = quiet > STILL_SHARE
             if not slides and (quiet > QUIET_SHARE or not (interrupted or jumps or moves)):

@@ -58,7 +58,8 @@ def posterior(
         evidence = float(np.log(likely) - 0.5 * data @ seen - np.log(np.diag(root)).sum())
         # of what is left with these weights: a sum of squares, where a difference would lose all digits
         variance = float(of_all @ (of_loads - a @ phi) ** 2 + a @ a + 2 * shared @ a) + open2
-        found.append((evidence, a, variance))
+        # without loads noise is all that is seen, and known: 0 but for rounding
+        found.append((evidence, a, max(variance, 0.0)))
         roots.append(root)
     evidences, weights, variances = (np.array(one) for one in zip(*found, strict=True))
     best = int(np.argmax(evidences))

@@ -205,6 +205,7 @@ READINGS: Fields = {
     "anchor": ("u1", "", "where depth was taken as known: index in the attribute `anchors`"),
     "anchor_sigma_mm": ("f8", "mm", "standard deviation that depth owes to the anchor"),
     "anchor_tail_mm": ("f8", "mm", "depth that the anchor's nodes still have, over the reader's scale"),
+    "anchor_learned_ns": ("i8", "ns", "picture from which it was learned which loads press; 0: none was"),
 }
 
 FINE_READINGS: Fields = {

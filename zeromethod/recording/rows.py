@@ -265,7 +265,7 @@ class Rows:
             arrays[name] = np.where(surface.on_mirror, arrays[name], np.nan)
         items = self._group(group, step, arrays)
         if items:
-            about = (ANCHORS.index(anchor.mode), anchor.sigma_mm, anchor.far_field_mm)
+            about = (ANCHORS.index(anchor.mode), anchor.sigma_mm, anchor.far_field_mm, anchor.learned_ns)
             items.append(self._row(f"{group}/table", surface.time_ns, surface.iterations, *about))
         return items
 

@@ -31,7 +31,10 @@ def node_surface(recording: Recording, index: StepIndex, group: str, step: int) 
     *floats, valid, contact, mask, about = found
     values = {name: one.astype(np.float64) for name, one in zip(names, floats, strict=True)}
     sigma_mm, tail_mm = float(about["anchor_sigma_mm"]), float(about["anchor_tail_mm"])
-    anchor = Anchor(recording.tables.anchor(group, int(about["anchor"])), mask, sigma_mm, tail_mm)
+    mode = recording.tables.anchor(group, int(about["anchor"]))
+    # recordings of 0.2 have none
+    learned_ns = int(about["anchor_learned_ns"]) if "anchor_learned_ns" in about.dtype.names else 0
+    anchor = Anchor(mode, mask, sigma_mm, tail_mm, learned_ns)
     at_ns, count = int(about["time_ns"]), int(about["iterations"])
     place = values["x_mm"], values["y_mm"]
     _, values["sigma_x_mm"], values["sigma_y_mm"] = recording.rig.geometry.sigmas(*place)

@@ -33,6 +33,7 @@ from zeromethod.session.dirt import DirtCorrection
 from zeromethod.session.fine import FineReadings, with_moving_target
 from zeromethod.session.interaction import interaction
 from zeromethod.session.outputs import Record, StepPublisher, publishing
+from zeromethod.session.outside_note import OutsideNote
 from zeromethod.session.reading import Read, StepReader, rms_nm, warm_up_warp, with_reading
 from zeromethod.session.result import RunResult
 from zeromethod.session.run_recording import RunRecording
@@ -129,6 +130,7 @@ class Session:
             self._calls: list[Call] = []
             self._rubber_note = self.rig.rubber.not_known
             self._delay_note = DelayNote(self.rig, self.loop, self.result)
+            self._outside_note = OutsideNote(self.rig.rubber)
             self._steps: Generator[Step] | None = None
             self._reads_apart = self._closed = False
             self._closing = stack.pop_all()
@@ -342,6 +344,7 @@ class Session:
         newest = None
         for newest in reading.collect():
             self.result.enter(newest.figures)
+            self._outside_note.look(newest.surface)
             curl = newest.surface.curl if newest.surface is not None else None
             if curl is not None and curl.moved and newest.state in NULLED:
                 self.loop.bench.report(curl, newest.time_ns)
@@ -353,4 +356,5 @@ class Session:
         """Notes of everything but the loop itself."""
         rubber, self._rubber_note = ((self._rubber_note,) if self._rubber_note else ()), ""
         fine = () if self._fine is None else self._fine.notes()
+        rubber += self._outside_note.take()
         return rubber + self._delay_note.take() + self.recording.notes() + self._surfaces.notes() + fine

@@ -94,6 +94,12 @@ class Dent:
         x, y = x - self.x_mm, y - self.y_mm
         return c * x + s * y, c * y - s * x
 
+    def world(self, along: Float, across: Float) -> tuple[Float, Float]:
+        """(x, y) mm of places about the dent's centre."""
+        angle = np.deg2rad(self.angle_deg)
+        c, s = np.cos(angle), np.sin(angle)
+        return self.x_mm + c * along - s * across, self.y_mm + s * along + c * across
+
     def field(self, x: Float, y: Float) -> Field:
         """(depth mm, dd/dx, dd/dy) of this dent alone."""
         along, across = self.local(x, y)

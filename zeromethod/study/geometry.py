@@ -10,7 +10,7 @@ import numpy as np
 from zeromethod.arrays import Float
 from zeromethod.calibration import DepthError, Direct, Measurement, Priors, RestPositions, depth_error, fit
 from zeromethod.calibration.parameters import PARAMETERS
-from zeromethod.design.lever import gaussian_fold_mm, lcd_px_per_mrad
+from zeromethod.design.lever import gaussian_fold_mm, lcd_px_per_mrad, load_fold_mm
 from zeromethod.design.press_limits import PressKind, press_limit
 from zeromethod.design.sampled_view import SampledView, median_over
 from zeromethod.design.tir import incidence_deg, margin_deg
@@ -123,8 +123,8 @@ def limits(task: Task) -> Figures:
     kind = PressKind.parse(f"{task.settings['shape']}:{task.settings['size_mm']}")
     region = view.central
     limit = press_limit(view, kind, region.x_mm, region.y_mm)
-    gaussian = kind.shape.value == "gaussian"
-    fold_mm = float(np.nanmedian(gaussian_fold_mm(view, kind.size_mm)[region.mask])) if gaussian else None
+    known = {"gaussian": gaussian_fold_mm, "load": load_fold_mm}.get(kind.shape.value)
+    fold_mm = None if known is None else float(np.nanmedian(known(view, kind.size_mm)[region.mask]))
     return {
         "path_mm": float(np.median(view.trace.path_mm[region.mask])),
         "fold_mm": limit.fold_mm,
@@ -147,7 +147,7 @@ DESIGN = Procedure(
         "nulled_mm": "deepest press that a picture nulls whole, mm",
         "because": "what ends it",
         "total_mm": "depth up to which reflection is total everywhere, mm",
-        "closed_form_mm": "fold limit of a Gaussian by its curvature alone, mm",
+        "closed_form_mm": "fold limit of a load or Gaussian by its curvature alone, mm",
         "incidence_deg": "angle of incidence at the mirror, middle of the view, deg",
         "tir_least_margin_deg": "least margin to the critical angle in the view, deg",
         "lcd_px_per_mrad": "lever along x, LCD px per mrad of slope",

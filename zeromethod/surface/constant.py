@@ -20,11 +20,12 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import solve_triangular
 from scipy.ndimage import correlate1d
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.mechanics.bodies import Candidate
-from zeromethod.mechanics.gaussian_load import Elastic
+from zeromethod.mechanics.gaussian_load import Elastic, Loads
 from zeromethod.mechanics.load_posterior import WEAK_MM, posterior
 from zeromethod.mechanics.load_variances import COST, learned_variances, spread_variances
 from zeromethod.mechanics.possible_loads import possible_loads
@@ -33,6 +34,7 @@ from zeromethod.surface.block_readings import BlockReader, BlockReadings
 from zeromethod.surface.blocks import Blocks
 from zeromethod.surface.integrate import LinearIntegration
 from zeromethod.surface.learned import Fit, Learned, Linear, OfBody
+from zeromethod.surface.outside import Outside
 from zeromethod.surface.possible_dents import PossibleDents
 
 _RING = 0.2
@@ -75,8 +77,14 @@ class LoadConstant:
         self._border = self._blocks.border(_RING)
 
     @cached_property
-    def _dents(self) -> Bodies:
+    def view_mm(self) -> tuple[Float, Float]:
+        """Corners (2,) of what is seen of the mirror: least and largest x and y."""
         low, high = (np.array([edge(self._x), edge(self._y)]) for edge in (np.min, np.max))
+        return low, high
+
+    @cached_property
+    def _dents(self) -> Bodies:
+        low, high = self.view_mm
         block_mm = float(np.sqrt(np.prod(high - low) / self._blocks.count))
         loads = possible_loads(low, high, block_mm)
 
@@ -168,6 +176,7 @@ class _View:
         self, of: LoadConstant, read: BlockReadings, ring: Float, shared: Float, open_mm2: float
     ) -> None:
         self._used, self._ring, self._open_mm2 = read.used, ring, open_mm2
+        self._view = of.view_mm
         self._of_h = of._inverse_scale, of._gradient
         self._gradient = of._gradient[read.used].T.ravel()
         self._z = read.slope[read.used].T.ravel() - float(ring @ read.ratio) * self._gradient
@@ -189,9 +198,23 @@ class _View:
             variances = start
         spread = spread_variances(variances, dents.loads)
         found = self._posterior(data, spread, variances, WEAK_MM)
+        outside = self._outside(data, found.fit.root, spread, dents.loads)
         beside = (self._white(other, data.error2) for other in others)
         moved = tuple(self._posterior(one, spread, variances, WEAK_MM).constant for one in beside)
-        return replace(found, others=moved)
+        return replace(found, others=moved, outside=outside)
+
+    def _outside(self, of: _White, root: Float, gamma: Float, loads: Loads) -> Outside:
+        """What of the loads presses beyond the mirror's points that are seen."""
+        low, high = self._view
+        place = np.stack([loads.x_mm, loads.y_mm], axis=-1)
+        beyond = ((place < low) | (place > high)).any(axis=-1)
+        q = np.where(beyond, loads.q_mm2, 0.0)
+        over = solve_triangular(root, np.stack([of.phi @ (gamma * q), of.data], axis=1), lower=True)
+        pressed = gamma * (of.phi.T @ solve_triangular(root, over[:, 1], lower=True, trans=1)) * q
+        total = float(pressed.sum())
+        sigma = float(np.sqrt(max(gamma @ q**2 - over[:, 0] @ over[:, 0], 0.0)))
+        x, y = (pressed @ place / (total or 1.0)).tolist()
+        return Outside(x, y, total, sigma)
 
     def anything(self, dents: PossibleDents) -> OfBody:
         """The constant where anything may press."""

@@ -96,8 +96,11 @@ class KeptConstant:
         """Learn in the thread, where that is worth its time and allowed."""
         kept = self._kept
         assert kept is not None
-        if once and self._due < self._frame and self._allowed >= 1.0 and kept.changed(blocks):
-            self._allowed -= 1.0
+        if not once or self._due >= self._frame or not kept.changed(blocks):
+            return
+        # a press that came after several changes of noise does not wait: the lag alone bounds its learning
+        if self._allowed >= 1.0 or not kept.explains(blocks):
+            self._allowed = max(self._allowed - 1.0, 0.0)
             self._due = self._frame + _LAG_FRAMES
             self._worker = self._worker or Worker("loads", _serving)
             at_ns = self._time_ns

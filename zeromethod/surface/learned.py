@@ -10,11 +10,14 @@ from scipy.linalg import solve_triangular
 from zeromethod.arrays import Float, Mask
 from zeromethod.mechanics.whitening import Whitening
 from zeromethod.surface.block_readings import BlockReadings
+from zeromethod.surface.outside import Outside
 
 _UNSURE = 10.0
 """Nats by which evidences of bodies are unsure: loads are learned one by one, and may be others as well."""
 _AGAIN = 0.15
 """Change of chi2 from which it is worth learning again: of one press alone it is noise of 6 %."""
+_SURE = 3.0
+"""Standard deviations from which something presses outside the view."""
 _CHANGED = 30.0
 """Chi2 over the data's number up to which weights learned from one press serve another: a dent that moves 6
 mm, or gets three times as deep."""
@@ -55,7 +58,8 @@ class Fit:
 class OfBody:
     """The constant as one body has it, its variance, mm^2, and that body's evidence, nats.
 
-    variances: (loads,) of all possible loads. others: as bodies have it that are one standard deviation away.
+    variances: (loads,) of all loads. outside: what of them is outside the view. others: as bodies have it
+    that are one standard deviation away.
     """
 
     constant: Linear
@@ -63,6 +67,7 @@ class OfBody:
     evidence: float
     variances: Float
     fit: Fit
+    outside: Outside | None = None
     others: tuple[Linear, ...] = ()
 
 
@@ -81,6 +86,12 @@ class Learned:
     from_ns: int = 0
 
     @property
+    def outside(self) -> Outside | None:
+        """What presses outside the view, where there is something."""
+        found = self.likeliest.outside
+        return found if found is not None and found.q_mm2 > _SURE * found.sigma_q_mm2 else None
+
+    @property
     def likeliest(self) -> OfBody:
         """By evidence."""
         return max(self.bodies, key=lambda body: body.evidence)
@@ -89,11 +100,18 @@ class Learned:
         """Whether it is worth learning again."""
         return abs(self.likeliest.fit.chi2(read, self.used) - self.chi2) > _AGAIN * self.chi2
 
+    def explains(self, read: BlockReadings) -> bool:
+        """Whether what was learned is in a reading; else anything may press."""
+        return self._explains(self.likeliest.fit.chi2(read, self.used))
+
+    def _explains(self, chi2: float) -> bool:
+        most = _CHANGED if self.likeliest.variances.any() else (1.0 + _AGAIN) * max(self.chi2, 1.0)
+        return chi2 <= most
+
     def of(self, read: BlockReadings) -> tuple[float, float]:
         """(constant, its standard deviation) of a reading, mm."""
-        best = self.likeliest
-        chi2 = best.fit.chi2(read, self.used)
-        if chi2 > (_CHANGED if best.variances.any() else (1.0 + _AGAIN) * max(self.chi2, 1.0)):
+        chi2 = self.likeliest.fit.chi2(read, self.used)
+        if not self._explains(chi2):
             grown = max(self.anything.fit.chi2(read, self.used), 1.0)
             return self.anything.constant(read), float(np.sqrt(grown * self.anything.variance))
         share = np.array([body.evidence for body in self.bodies])

@@ -89,8 +89,9 @@ class SurfaceReader:
     -----
     A node's depth d belongs to its own mirror point, where its ray meets z = h_rest(x, y) - d. From there
     the ray to the LCD position is solved through all layers; the bisector of the two rays is the normal.
-    The slopes are integrated by weighted least squares with a high-order rule, the depth anchored where the
-    rubber is at rest, and all of it repeated until depth settles within 0.1 nm.
+    The slopes are integrated by weighted least squares with a high-order rule, depth gets its constant from
+    the loads that explain them or where the rubber is known to be at rest, and all of it is repeated until
+    depth settles within 0.1 nm.
 
     A warp's sigma is assumed to come from the residual: displacements along u and v, independent of each
     other and correlated between nodes by the overlap of their windows, which the warp itself turns and
@@ -302,7 +303,10 @@ class SurfaceReader:
             curl = self._drift.test(warp, reading, noise)
         if fit is not None:
             typical = fit.sigma_mm * float(np.sqrt(dot(self._scale**2, island) / np.count_nonzero(island)))
-            anchor = Anchor(fit.mode, self._grid.padded(fit.weights > 0.0, False), typical, fit.far_field_mm)
+            mask = self._grid.padded(fit.weights > 0.0, False)
+            learned = self._constant.learned if fit.mode == "loads" else None
+            by_loads = (0, None) if learned is None else (learned.from_ns, learned.outside)
+            anchor = Anchor(fit.mode, mask, typical, fit.far_field_mm, *by_loads)
         read_nodes = ReadNodes(reading.depth, reading.slope, reading.point)
         contact = warp.flags & (Flag.LIGHT_LOST | Flag.OUTSIDE | Flag.NO_RAY) == Flag.LIGHT_LOST
         surface = Surface(

@@ -10,6 +10,7 @@ import numpy as np
 from zeromethod.arrays import Float, Mask
 from zeromethod.errors import check_type
 from zeromethod.surface.curl import Curl
+from zeromethod.surface.outside import Outside
 from zeromethod.warp.continuation import continued
 
 
@@ -28,14 +29,19 @@ class Anchor:
         Standard deviation of depth, rms over the valid nodes, due to the unknown depth of the mask itself;
         by how far nodes of "known" are from rest.
     far_field_mm : float
-        Depth (over `SurfaceReader.scale`) that the mask's nodes still have according to the decay of slope
-        and depth with distance; 0 where they count as at rest.
+        Mean depth (over `SurfaceReader.scale`) of the mask's nodes; 0 where they count as at rest.
+    learned_ns : int
+        Time of the picture from which it was learned which loads press; 0 where none was.
+    outside : Outside, optional
+        What presses outside the view, where that is 3 standard deviations and more.
     """
 
     mode: Literal["known", "loads", "quiet", "none"]
     mask: Mask
     sigma_mm: float
     far_field_mm: float = 0.0
+    learned_ns: int = 0
+    outside: Outside | None = None
 
     def __repr__(self) -> str:
         return f"<Anchor {self.mode}: {np.count_nonzero(self.mask)} nodes, sigma {self.sigma_mm:.3g} mm>"

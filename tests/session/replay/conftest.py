@@ -15,8 +15,8 @@ from zeromethod import Loop, Peak, Recording, Rig, Step, Surface, load_rig
 
 PRESS = """
 [[press]]
-shape = "gaussian"
-sigma_mm = 5.0
+shape = "load"
+width_mm = 3.5
 path = [
     { time_s = 0.15, x_mm = 40.0, y_mm = 0.0, depth_mm = 0.0 },
     { time_s = 0.35, x_mm = 40.0, y_mm = 0.0, depth_mm = 0.1 },

@@ -149,6 +149,6 @@ def same_surface(recorded: Surface, replayed: Surface) -> bool:
         if not same(known, getattr(replayed, name)):
             return False
     a, b = recorded.anchor, replayed.anchor
-    same_anchor = (a.mode, a.sigma_mm, a.far_field_mm) == (b.mode, b.sigma_mm, b.far_field_mm)
+    one, other = ((c.mode, c.sigma_mm, c.far_field_mm, c.learned_ns) for c in (a, b))
     iterations = recorded.iterations == replayed.iterations
-    return same_anchor and iterations and same(a.mask, b.mask) and recorded.time_ns == replayed.time_ns
+    return one == other and iterations and same(a.mask, b.mask) and recorded.time_ns == replayed.time_ns

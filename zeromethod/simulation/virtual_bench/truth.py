@@ -40,7 +40,7 @@ def deepest(mirror: Mirror) -> Deepest:
     """Largest |depth| of the whole mirror, to 1e-6 of itself and 1 µm; nowhere at rest."""
     best = Deepest(0.0, None, None)
     for dent in mirror.dents:
-        depth_mm, x_mm, y_mm, half_mm = 0.0, dent.x_mm, dent.y_mm, _reach_mm(dent)
+        depth_mm, (x_mm, y_mm, half_mm) = 0.0, _around(dent)
         while half_mm > 1e-4:
             step = np.linspace(-half_mm, half_mm, 41)
             x, y = np.meshgrid(x_mm + step, y_mm + step)
@@ -53,11 +53,20 @@ def deepest(mirror: Mirror) -> Deepest:
     return best
 
 
-def _reach_mm(dent: Dent) -> float:
-    """Largest distance of a dent's deepest point from its centre, mm."""
+def _around(dent: Dent) -> tuple[float, float, float]:
+    """(x, y, half) mm of a square that a dent's deepest point lies in."""
+    if dent.shape is Shape.WHOLE_PLANE and dent.map is not None:
+        # in its middle the map is even in w = x / size
+        row, col = np.unravel_index(np.argmax(dent.map), dent.map.shape)
+        rows, cols = dent.map.shape
+        w = np.array([2 * col / (cols - 1) - 1, 2 * row / (rows - 1) - 1])
+        along, across = dent.size_mm * w / np.sqrt(1 - w**2)
+        x_mm, y_mm = dent.world(along, across)
+        return float(x_mm), float(y_mm), 10 * dent.size_mm / cols
+    half_mm = dent.length_mm / 2 + (dent.size_mm if dent.shape is not Shape.BALL else 1.0)
     if dent.shape is Shape.MAP and dent.map is not None:
-        return dent.size_mm * float(np.hypot(*dent.map.shape)) / 2
-    return dent.length_mm / 2 + (dent.size_mm if dent.shape is not Shape.BALL else 1.0)
+        half_mm = dent.size_mm * float(np.hypot(*dent.map.shape)) / 2
+    return dent.x_mm, dent.y_mm, half_mm
 
 
 class TruthFile:
