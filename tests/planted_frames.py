@@ -44,7 +44,7 @@ class PlantedFrames:
 
     @property
     def reader(self) -> FineReader:
-        """One that has read nothing yet: what a reader learned of one press it keeps for some frames of the next."""
+        """One that has read nothing yet: what it learned of a press it keeps for some frames of the next."""
         return FineReader(self.rig, self.optics, self.grid, divide=False)
 
     @cached_property
