@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from surface_bench import Bench, Load, Tail, small_rig
+from surface_bench import Bench, Gauss, Tail, small_rig
 
 from zeromethod.errors import InputError
 from zeromethod.rig.model import KnownRest
@@ -15,7 +15,7 @@ RIM = KnownRest(x_mm=(62.0, 77.0), y_mm=(-30.0, 30.0))
 def drawn():
     """One pressed bench with a rim known to be at rest: depths of all draws, and a covariance."""
     bench = Bench(small_rig(known_rest=(RIM,)))
-    dent = Load(0.2, 38.0, 0.0, 5.0)
+    dent = Gauss(0.2, 38.0, 0.0, 5.0)
     generator = np.random.default_rng(5)
     depths, surface = [], None
     for _ in range(DRAWS):
@@ -79,7 +79,7 @@ def test_it_outlives_the_next_reading(drawn):
     bench, _, _, covariance = drawn
     weights = one(bench.grid.shape, *PEAK)
     before = covariance.variance_of(weights)
-    warp = bench.warp(Load(0.0, 38.0, 0.0, 5.0))
+    warp = bench.warp(Gauss(0.0, 38.0, 0.0, 5.0))
     warp.flags[10:14, 10:14] |= np.uint16(8)
     bench.reader.read(warp)
     assert covariance.variance_of(weights) == before
@@ -87,7 +87,7 @@ def test_it_outlives_the_next_reading(drawn):
 
 def test_what_cannot_be_answered_is_refused(drawn):
     bench, _, surface, covariance = drawn
-    bench.reader.read(bench.warp(Load(0.0, 38.0, 0.0, 5.0)))
+    bench.reader.read(bench.warp(Gauss(0.0, 38.0, 0.0, 5.0)))
     with pytest.raises(InputError, match="not the one last read"):
         bench.reader.covariance(surface)
     with pytest.raises(InputError, match="weights: shape"):

@@ -107,7 +107,7 @@ def test_a_balls_rim_that_a_seam_hides_is_in_sigma(off_mm):
     surface = deep.reader.read(warp)
     error = surface.depth_mm - ball.depth(surface.x_mm, surface.y_mm)
     tied = surface.valid & (surface.x_mm > at + 1.5)
-    assert np.abs(error[tied]).max() > 5e-4  # 1 % of the depth: else it would not matter
+    assert np.abs(error[tied]).max() > 2e-4  # 0.4 % of the depth: else it would not matter
     assert (np.abs(error) / surface.sigma_depth_mm)[tied].max() < 3.0  # as one row's noise alone it is 8
 
 
