@@ -79,7 +79,8 @@ class KeptConstant:
             kept = self._kept
             return Constant(*(constant.open if kept is None else kept.of)(blocks), false_constant)
         alike = self._kept is not None and np.array_equal(self._kept.used, blocks.used)
-        x, y = read.point[..., 0], read.point[..., 1]
+        # of its own: passes go on moving points while the thread learns
+        x, y = np.moveaxis(read.point[..., :2], -1, 0).copy()
         learn = partial(constant.learn, blocks, read.variance, read.island, integrator.linear(x, y))
         if self._follows and self._kept is not None:
             if not alike:
