@@ -31,11 +31,11 @@ from zeromethod.mechanics.load_variances import COST, learned_variances, spread_
 from zeromethod.mechanics.possible_loads import possible_loads
 from zeromethod.mechanics.whitening import Whitening
 from zeromethod.surface.block_readings import BlockReader, BlockReadings
-from zeromethod.surface.blocks import Blocks
 from zeromethod.surface.integrate import LinearIntegration
 from zeromethod.surface.learned import Fit, Learned, Linear, OfBody
 from zeromethod.surface.outside import Outside
 from zeromethod.surface.possible_dents import PossibleDents
+from zeromethod.warp.blocks import Blocks
 
 _RING = 0.2
 """Width of the ring over the view's shorter side."""

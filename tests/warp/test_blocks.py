@@ -6,9 +6,9 @@ from scipy.ndimage import binary_dilation
 
 from zeromethod.mechanics.gaussian_load import HalfSpace, Loads
 from zeromethod.surface.block_readings import BlockReader
-from zeromethod.surface.blocks import Blocks
 from zeromethod.surface.pass_result import PassResult
 from zeromethod.surface.possible_dents import PossibleDents
+from zeromethod.warp.blocks import Blocks
 
 SHAPES = [(37, 52), (61, 40), (16, 16), (12, 20), (150, 130)]
 
