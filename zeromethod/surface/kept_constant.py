@@ -86,6 +86,8 @@ class KeptConstant:
             if not alike:
                 self._kept = replace(learn(self._kept, again=False), from_ns=self._kept.from_ns)
             self._learn_beside(blocks, learn, first and last)
+            if not self._kept.explains(blocks):
+                return Constant(*constant.open(blocks), false_constant)
         elif self._kept is None or abs(step_mm) > _SAME_MM or not alike or (first and last):
             found_mm, sigma_mm = constant.open(blocks)
             if first and self._kept is None and abs(found_mm) > _SAME_MM:
