@@ -140,7 +140,7 @@ def test_readings_are_means_at_the_points_of_rest():
     # second order: 1/2 x 0.25^2 mm^2 of curvatures of 1e-3 / mm; of slopes, a tenth of that per mm
     np.testing.assert_allclose(found.ratio[whole], exact.ratio[whole], atol=4e-5)
     np.testing.assert_allclose(found.slope[whole], exact.slope[whole], atol=1e-5)
-    # and without what moving changes depth would be off by ten times as much
+    # and without what moving changes depth would be off by some ten times as much
     means, _ = blocks.means((depth(*moved) / scale)[..., None], island)
     assert np.abs(means[whole, 0] - exact.ratio[whole]).max() > 3e-4
     np.testing.assert_allclose(found.variance[found.used], 2e-12, rtol=1e-9)
