@@ -44,7 +44,7 @@ _LEAST_RING = 16
 _MODEL, _MOST_MODEL = 1e-3, 0.1
 """Error of dents' slopes over the slope: at least (blocks, shifts), and where the constant is far off."""
 _UNEVEN = 0.04
-"""Part of the noise that blocks do not share: the carrier changes correlations by as much (`warp.overlap`)."""
+"""Part of the noise that blocks do not share: the carrier changes correlations as much (`warp.overlap`)."""
 _STEEP = 10.0
 """Slope over noise from which a block says how large that error is."""
 Bodies = tuple[tuple[PossibleDents, tuple[PossibleDents, ...]], ...]
