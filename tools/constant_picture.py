@@ -18,8 +18,8 @@ from zeromethod.mechanics.gaussian_load import HalfSpace
 from zeromethod.mechanics.load_variances import spread_variances
 from zeromethod.mechanics.possible_loads import possible_loads
 from zeromethod.rig.load import load_rig
-from zeromethod.surface.blocks import Blocks
 from zeromethod.surface.possible_dents import PossibleDents
+from zeromethod.warp.blocks import Blocks
 
 LOADS = (0.10, 33.0, 0.0, 3.5), (0.06, 79.0, 0.0, 4.0)
 """What presses: depth, place (x, y) and width, mm; the second lies out of view."""

@@ -356,5 +356,5 @@ class Session:
         """Notes of everything but the loop itself."""
         rubber, self._rubber_note = ((self._rubber_note,) if self._rubber_note else ()), ""
         fine = () if self._fine is None else self._fine.notes()
-        rubber += self._outside_note.take()
-        return rubber + self._delay_note.take() + self.recording.notes() + self._surfaces.notes() + fine
+        found = rubber + self._outside_note.take() + self._delay_note.take()
+        return found + self.recording.notes() + self._surfaces.notes() + fine

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from zeromethod.arrays import Float, Mask
-from zeromethod.surface.blocks import Blocks
 from zeromethod.surface.pass_result import PassResult
+from zeromethod.warp.blocks import Blocks
 
 
 @dataclass(frozen=True, slots=True)

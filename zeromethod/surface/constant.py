@@ -31,11 +31,11 @@ from zeromethod.mechanics.load_variances import COST, learned_variances, spread_
 from zeromethod.mechanics.possible_loads import possible_loads
 from zeromethod.mechanics.whitening import Whitening
 from zeromethod.surface.block_readings import BlockReader, BlockReadings
-from zeromethod.surface.blocks import Blocks
 from zeromethod.surface.integrate import LinearIntegration
 from zeromethod.surface.learned import Fit, Learned, Linear, OfBody
 from zeromethod.surface.outside import Outside
 from zeromethod.surface.possible_dents import PossibleDents
+from zeromethod.warp.blocks import Blocks
 
 _RING = 0.2
 """Width of the ring over the view's shorter side."""
@@ -43,11 +43,10 @@ _LEAST_RING = 16
 """Blocks of the ring below which all of the view serves as the ring."""
 _MODEL, _MOST_MODEL = 1e-3, 0.1
 """Error of dents' slopes over the slope: at least (blocks, shifts), and where the constant is far off."""
+_UNEVEN = 0.04
+"""Part of the noise that blocks do not share: the carrier changes correlations as much (`warp.overlap`)."""
 _STEEP = 10.0
 """Slope over noise from which a block says how large that error is."""
-_ANYTHING_MM = 1e-3
-"""Standard deviation of the narrowest load where anything may press; that of others is as strongly curved."""
-
 Bodies = tuple[tuple[PossibleDents, tuple[PossibleDents, ...]], ...]
 """Dents on each body that the rubber may be, and on bodies beside it."""
 
@@ -73,7 +72,8 @@ class LoadConstant:
         means, _ = self._blocks.means(of_scale, np.ones(scale.shape, bool))
         self._gradient, self._inverse_scale = means[:, :2], means[:, 2]
         self._both_ways = np.concatenate([correlation[:0:-1], correlation])
-        self._of_blocks = np.kron(*self._blocks.correlation(correlation))
+        of_blocks = np.kron(*self._blocks.correlation(correlation))
+        self._of_blocks = (1.0 - _UNEVEN) * of_blocks + _UNEVEN * np.diag(np.diag(of_blocks))
         self._border = self._blocks.border(_RING)
 
     @cached_property
@@ -116,9 +116,7 @@ class LoadConstant:
         for (dents, others), start in zip(self._dents, starts, strict=True):
             found.append(view.of_body(dents, others, start, again or start is None))
         best = max(found, key=lambda body: body.evidence)
-        return Learned(
-            tuple(found), view.anything(self._dents[0][0]), read.used, best.fit.chi2(read, read.used)
-        )
+        return Learned(tuple(found), read.used, best.fit.chi2(read, read.used))
 
     def open(self, read: BlockReadings) -> tuple[float, float]:
         """(constant, its standard deviation), mm, where no body is known: the ring is taken as at rest.
@@ -215,12 +213,6 @@ class _View:
         sigma = float(np.sqrt(max(gamma @ q**2 - over[:, 0] @ over[:, 0], 0.0)))
         x, y = (pressed @ place / (total or 1.0)).tolist()
         return Outside(x, y, total, sigma)
-
-    def anything(self, dents: PossibleDents) -> OfBody:
-        """The constant where anything may press."""
-        widths = dents.loads.width_mm
-        variances = (_ANYTHING_MM * (widths / widths.min()) ** 2) ** 2
-        return self._posterior(self._white(dents, _MODEL**2), variances, variances, (0.0,))
 
     def _white(self, dents: PossibleDents, error2: float) -> _White:
         """The equations of one body, made white. error2: of its dents' slopes, over the slope."""

@@ -79,12 +79,15 @@ class KeptConstant:
             kept = self._kept
             return Constant(*(constant.open if kept is None else kept.of)(blocks), false_constant)
         alike = self._kept is not None and np.array_equal(self._kept.used, blocks.used)
-        x, y = read.point[..., 0], read.point[..., 1]
+        # of its own: passes go on moving points while the thread learns
+        x, y = np.moveaxis(read.point[..., :2], -1, 0).copy()
         learn = partial(constant.learn, blocks, read.variance, read.island, integrator.linear(x, y))
         if self._follows and self._kept is not None:
             if not alike:
                 self._kept = replace(learn(self._kept, again=False), from_ns=self._kept.from_ns)
             self._learn_beside(blocks, learn, first and last)
+            if not self._kept.explains(blocks):
+                return Constant(*constant.open(blocks), false_constant)
         elif self._kept is None or abs(step_mm) > _SAME_MM or not alike or (first and last):
             found_mm, sigma_mm = constant.open(blocks)
             if first and self._kept is None and abs(found_mm) > _SAME_MM:

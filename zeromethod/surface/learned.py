@@ -14,8 +14,8 @@ from zeromethod.surface.outside import Outside
 
 _UNSURE = 10.0
 """Nats by which evidences of bodies are unsure: loads are learned one by one, and may be others as well."""
-_AGAIN = 0.15
-"""Change of chi2 from which it is worth learning again: of one press alone it is noise of 6 %."""
+_SIGMAS = 3.0
+"""Standard deviations of chi2 from which it is worth learning again."""
 _SURE = 3.0
 """Standard deviations from which something presses outside the view."""
 _CHANGED = 30.0
@@ -75,12 +75,10 @@ class OfBody:
 class Learned:
     """The constant as all bodies have it that the rubber may be, with the blocks `used`.
 
-    anything: with the prior that anything presses, anywhere, which serves until it is learned what. chi2: of
-    what it was learned from; from_ns: time of that picture.
+    chi2: of what it was learned from; from_ns: time of that picture.
     """
 
     bodies: tuple[OfBody, ...]
-    anything: OfBody
     used: Mask
     chi2: float
     from_ns: int = 0
@@ -98,22 +96,23 @@ class Learned:
 
     def changed(self, read: BlockReadings) -> bool:
         """Whether it is worth learning again."""
-        return abs(self.likeliest.fit.chi2(read, self.used) - self.chi2) > _AGAIN * self.chi2
+        return abs(self.likeliest.fit.chi2(read, self.used) - self.chi2) > self._noise * self.chi2
+
+    @property
+    def _noise(self) -> float:
+        """How much of chi2 is noise: two slopes a block."""
+        return _SIGMAS / float(np.sqrt(np.count_nonzero(self.used)))
 
     def explains(self, read: BlockReadings) -> bool:
-        """Whether what was learned is in a reading; else anything may press."""
-        return self._explains(self.likeliest.fit.chi2(read, self.used))
-
-    def _explains(self, chi2: float) -> bool:
-        most = _CHANGED if self.likeliest.variances.any() else (1.0 + _AGAIN) * max(self.chi2, 1.0)
-        return chi2 <= most
+        """Whether what was learned is in a reading, so that its weights serve."""
+        chi2 = self.likeliest.fit.chi2(read, self.used)
+        return chi2 <= (
+            _CHANGED if self.likeliest.variances.any() else (1.0 + self._noise) * max(self.chi2, 1.0)
+        )
 
     def of(self, read: BlockReadings) -> tuple[float, float]:
-        """(constant, its standard deviation) of a reading, mm."""
+        """(constant, its standard deviation) of a reading that is explained, mm."""
         chi2 = self.likeliest.fit.chi2(read, self.used)
-        if not self._explains(chi2):
-            grown = max(self.anything.fit.chi2(read, self.used), 1.0)
-            return self.anything.constant(read), float(np.sqrt(grown * self.anything.variance))
         share = np.array([body.evidence for body in self.bodies])
         share = np.exp((share - share.max()) / _UNSURE)
         share /= share.sum()

@@ -8,7 +8,7 @@ import numpy as np
 
 from zeromethod.arrays import Float, Mask, Single
 from zeromethod.mechanics.gaussian_load import Elastic, Loads
-from zeromethod.surface.blocks import Blocks
+from zeromethod.warp.blocks import Blocks
 
 _AT_ONCE = 128
 """Loads whose fields are worked out together: some 8 MB."""
