@@ -43,7 +43,9 @@ class BlockReader:
         at_rest = slope - np.einsum("...ki,...i->...k", change, nodes)
         ratio = (read.depth - (slope * away).sum(axis=-1)) / self._scale
         found = self.means(at_rest, ratio, read.island)
-        variance, _ = self._blocks.means(np.where(there, read.variance, 0.0), read.island)
+        # a plane through the variances of a block with gaps may go below 0
+        count = np.maximum(self._blocks.sums(read.island.astype(np.float64)), 1.0)
+        variance = self._blocks.sums(np.where(there, read.variance, 0.0)) / count[:, None]
         return replace(found, variance=variance)
 
     def means(self, slope: Float, ratio: Float, island: Mask) -> BlockReadings:
