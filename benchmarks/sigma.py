@@ -219,8 +219,18 @@ class Bench:
         assert (len(shown.entries) == 2) == case.two_pictures
         return np.float32(case.exposure) * light, shown
 
+    def _less_constant(self, surface: Surface) -> Float:
+        """Depth (rows, cols), mm, against its mean over the anchor's nodes, as the sigma of noise counts it."""
+        inner = self.rest.grid.inner
+        scale = np.where(surface.valid[inner], self.reader.scale, np.nan)
+        of_anchor = np.where(surface.anchor.mask[inner], scale, np.nan)
+        constant_mm = np.nansum(of_anchor * surface.depth_mm[inner]) / np.nansum(of_anchor**2)
+        out = np.full(surface.depth_mm.shape, np.nan)
+        out[inner] = surface.depth_mm[inner] - constant_mm * scale
+        return out
+
     def _of_noise(self, surface: Surface) -> Float:
-        """Sigma of depth (rows, cols), mm, less the anchor's, which is the same in every draw."""
+        """Sigma of depth (rows, cols), mm, less the anchor's own."""
         inner = self.rest.grid.inner
         scale = np.where(surface.valid[inner], self.reader.scale, np.nan)
         anchor_mm = np.full(surface.depth_mm.shape, np.nan)
@@ -253,7 +263,7 @@ class Bench:
             if number % COVARIANCE_EVERY == 0:
                 covariances.append(self.reader.covariance(surface))
             good = (measured.valid & surface.valid)[inner][..., None]
-            depth = (surface.depth_mm[..., None], self._of_noise(surface)[..., None])
+            depth = (self._less_constant(surface)[..., None], self._of_noise(surface)[..., None])
             pairs = (
                 (residual.d, residual.sigma),
                 (measured.q, measured.sigma),

@@ -197,7 +197,8 @@ class SurfaceReader:
         if self._drift is not None:
             self._drift.look(warp)
         start = None if previous is None else self._start(warp.time_ns, previous)
-        self._constant.begin(previous is not None, warp.time_ns, learned)
+        follows = previous is not None and self._last is not None and self._last.surface is previous
+        self._constant.begin(follows, warp.time_ns, learned)
         inner, measured, seam, depth = self._grid.inner, warp, None, np.zeros(self._usable.shape)
         for last in [True] if self._seams is None else PASSES:
             if self._seams is not None:
