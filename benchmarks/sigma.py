@@ -220,7 +220,7 @@ class Bench:
         return np.float32(case.exposure) * light, shown
 
     def _less_constant(self, surface: Surface) -> Float:
-        """Depth (rows, cols), mm, against its mean over the anchor's nodes, as the sigma of noise counts it."""
+        """Depth (rows, cols), mm, against its mean over the anchor's nodes, as sigma of noise counts it."""
         inner = self.rest.grid.inner
         scale = np.where(surface.valid[inner], self.reader.scale, np.nan)
         of_anchor = np.where(surface.anchor.mask[inner], scale, np.nan)
