@@ -203,6 +203,7 @@ class KnownBall:
     radius_mm: float
     sigma_radius_mm: float
     sigma: Float = field(default_factory=lambda: np.full(1, np.nan))
+    learned: Learned | None = field(default=None, repr=False)
     blind_to: frozenset[str] = frozenset()
     name: ClassVar[str] = "ball"
     group: ClassVar[int] = 1
@@ -220,18 +221,20 @@ class KnownBall:
         Raises MeasurementError where too few nodes see the contact.
         """
         reading = self.reading.prepared(rig)
-        fitted = self._radius(reading.reader(rig).read(self.warp))
+        reader = reading.reader(rig)
+        fitted = self._radius(reader.read(self.warp))
         if fitted is None:
             raise MeasurementError(
                 "ball: the contact shows too few nodes; it takes the light away, or is small"
             )
         relative = float(np.hypot(self.sigma_radius_mm / self.radius_mm, _CAP_SHARE_ERROR))
         sigma = np.array([np.hypot(relative, fitted[1])])
-        return replace(self, reading=reading, sigma=sigma, blind_to=blind_to(rig))
+        return replace(self, reading=reading, sigma=sigma, learned=reader.learned, blind_to=blind_to(rig))
 
     def predict(self, rig: Rig) -> Float:
         """(1,) log of the radius as read."""
-        fitted = self._radius(self.reading.reader(rig, with_sigma=False).read(self.warp))
+        reader = self.reading.reader(rig, with_sigma=False)
+        fitted = self._radius(reader.read(self.warp, learned=self.learned))
         return np.array([np.nan if fitted is None else np.log(fitted[0])])
 
     def _radius(self, surface: Surface) -> tuple[float, float] | None:
