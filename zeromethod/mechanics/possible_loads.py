@@ -9,17 +9,14 @@ from zeromethod.mechanics.gaussian_load import Loads
 
 _RATIO = 1.5
 """Of one width to the next: with 2 the constant's errors are up to twice as large."""
-_NARROWEST, _WIDEST = 0.8, 10.0
+_NARROWEST, _WIDEST = 0.8, 24.0
 """Widths over the size of a block of nodes: narrower ones look the same from one block to the next."""
-_BEYOND, _FARTHEST = 3.0, 13.0
+_BEYOND, _FARTHEST = 3.0, 24.0
 """How far beyond the view loads lie: over their width, and over the size of a block, at most."""
 
 
-def possible_loads(low_mm: Float, high_mm: Float, block_mm: float, body_mm: Float | None = None) -> Loads:
-    """Loads over a view between corners (2,), mm, whose blocks of nodes are block_mm large.
-
-    body_mm: (2, 2) from and to of x and of y between which loads can lie, None: anywhere.
-    """
+def possible_loads(low_mm: Float, high_mm: Float, block_mm: float) -> Loads:
+    """Loads over a view between corners (2,), mm, whose blocks of nodes are block_mm large."""
     found = []
     width = _NARROWEST * block_mm
     while width <= _WIDEST * block_mm:
@@ -32,8 +29,4 @@ def possible_loads(low_mm: Float, high_mm: Float, block_mm: float, body_mm: Floa
         x, y = (axis.ravel() for axis in np.meshgrid(*axes))
         found.append(np.stack([x, y, np.full_like(x, width)]))
         width *= _RATIO
-    x, y, widths = np.concatenate(found, axis=1)
-    if body_mm is not None:
-        kept = (x >= body_mm[0, 0]) & (x <= body_mm[0, 1]) & (y >= body_mm[1, 0]) & (y <= body_mm[1, 1])
-        x, y, widths = x[kept], y[kept], widths[kept]
-    return Loads(x, y, widths)
+    return Loads(*np.concatenate(found, axis=1))
