@@ -26,8 +26,8 @@ from zeromethod.worker import Worker
 _LAG_FRAMES = 12
 """Frames from slopes to the weights learned from them: 0.2 s at 60 Hz, twice what learning several loads
 takes."""
-_EVERY_FRAMES, _AT_MOST = 60, 3
-"""One learning is allowed for so many frames, a fifth of a core at 60 Hz; so many are saved up at most."""
+_EVERY_FRAMES, _AT_MOST = 36, 3
+"""One learning, 0.12 s of one press, is allowed for so many frames, a fifth of a core; so many are saved."""
 _SAME_MM = 1e-3
 """Constant up to which slopes are the true mirror's to a ten-thousandth: by these loads are learned."""
 

@@ -18,9 +18,9 @@ _SIGMAS = 3.0
 """Standard deviations of chi2 from which it is worth learning again."""
 _SURE = 3.0
 """Standard deviations from which something presses outside the view."""
-_CHANGED = 30.0
-"""Chi2 over the data's number up to which weights learned from one press serve another: a dent that moves 6
-mm, or gets three times as deep."""
+_CHANGED = 200.0
+"""Chi2 over the data's number up to which weights learned from one press serve another, their variance times
+that: 25 where a dent has moved 6 mm or another presses beside it, 500 where one twice as wide does."""
 
 
 @dataclass(frozen=True, slots=True)
