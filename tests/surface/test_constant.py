@@ -69,7 +69,7 @@ def reader_by(view):
         pytest.param(SILENT, REST, 5e-5, id="not stated, at rest"),
         pytest.param(SILENT, ONE, 4e-3, id="not stated, one load"),
         pytest.param(SILENT, SEVERAL, 6e-3, id="not stated, several loads"),
-        pytest.param(SILENT, BESIDE, 4e-3, id="not stated, a load outside the view"),
+        pytest.param(SILENT, BESIDE, 2e-2, id="not stated, a load outside the view"),
         pytest.param(SILENT, SEVERAL_ON_LAYER, 2e-3, id="not stated, several loads on a layer"),
     ],
 )
@@ -168,8 +168,8 @@ def test_a_sudden_other_press_is_unsure_until_it_is_learned_twelve_readings_late
     off_mm, sigma_mm, learned_ns = np.array(reads).T
     assert (np.abs(off_mm) < 3.5 * sigma_mm).all()  # of 16, of which 12 have noise of their own
     first = 1 + LAG_FRAMES
-    # the border counts as at rest until then
-    assert (sigma_mm[1:first] > 3e-3).all()
+    # by what was learned of the press before, as far as chi2 says
+    assert (sigma_mm[1:first] > 1e-3).all()
     assert (sigma_mm[first:] < 5e-4).all()
     assert (learned_ns[first:] == warps[1].time_ns).all()
 
