@@ -95,9 +95,10 @@ def test_figures_are_those_of_the_tables_and_of_the_planted_press(recording_path
     assert figures["locked_share"] == pytest.approx(held_s[nulled[:-1]].sum() / held_s.sum())
     assert sum(figures["shares"].values()) == pytest.approx(1.0)
     assert figures["residual_px_rms"]["median"] == np.median(steps["residual_rms_px"][nulled])
-    # the press is 0.2 mm deep; nodes four times as far apart as in full resolution cost up to 1 %
+    # the press is 0.2 mm deep; nodes four times as far apart as in full resolution cost up to 1 %, and what
+    # the press leaves at the view's end another 1 % until it is learned
     largest = figures["largest"]
-    assert largest["depth_mm"] == pytest.approx(0.2, rel=0.01)
+    assert largest["depth_mm"] == pytest.approx(0.2, rel=0.02)
     assert largest["state"] == "locked"
     assert largest["depth_mm"] == peaks["depth_mm"][np.isin(peaks["step"], steps["number"][nulled])].max()
 

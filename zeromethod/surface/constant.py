@@ -45,6 +45,8 @@ _MODEL, _MOST_MODEL = 1e-3, 0.1
 """Error of dents' slopes over the slope: at least (blocks, shifts), and where the constant is far off."""
 _UNEVEN = 0.04
 """Part of the noise that blocks do not share: the carrier changes correlations as much (`warp.overlap`)."""
+_MOSTLY = 0.25
+"""Share of all that presses below which what presses outside the view may be errors of dents inside it."""
 _STEEP = 10.0
 """Slope over noise from which a block says how large that error is."""
 Bodies = tuple[tuple[PossibleDents, tuple[PossibleDents, ...]], ...]
@@ -201,18 +203,20 @@ class _View:
         moved = tuple(self._posterior(one, spread, variances, WEAK_MM).constant for one in beside)
         return replace(found, others=moved, outside=outside)
 
-    def _outside(self, of: _White, root: Float, gamma: Float, loads: Loads) -> Outside:
-        """What of the loads presses beyond the mirror's points that are seen."""
+    def _outside(self, of: _White, root: Float, gamma: Float, loads: Loads) -> Outside | None:
+        """What of the loads presses beyond what is seen of the mirror; None where its middle is seen."""
         low, high = self._view
         place = np.stack([loads.x_mm, loads.y_mm], axis=-1)
         beyond = ((place < low) | (place > high)).any(axis=-1)
         q = np.where(beyond, loads.q_mm2, 0.0)
         over = solve_triangular(root, np.stack([of.phi @ (gamma * q), of.data], axis=1), lower=True)
-        pressed = gamma * (of.phi.T @ solve_triangular(root, over[:, 1], lower=True, trans=1)) * q
+        depths = gamma * (of.phi.T @ solve_triangular(root, over[:, 1], lower=True, trans=1))
+        pressed = depths * q
         total = float(pressed.sum())
         sigma = float(np.sqrt(max(gamma @ q**2 - over[:, 0] @ over[:, 0], 0.0)))
-        x, y = (pressed @ place / (total or 1.0)).tolist()
-        return Outside(x, y, total, sigma)
+        x, y = middle = pressed @ place / (total or 1.0)
+        seen = ((middle >= low) & (middle <= high)).all() or total < _MOSTLY * float(depths @ loads.q_mm2)
+        return None if seen else Outside(x, y, total, sigma)
 
     def _white(self, dents: PossibleDents, error2: float) -> _White:
         """The equations of one body, made white. error2: of its dents' slopes, over the slope."""

@@ -16,7 +16,7 @@ _UNSURE = 10.0
 """Nats by which evidences of bodies are unsure: loads are learned one by one, and may be others as well."""
 _SIGMAS = 3.0
 """Standard deviations of chi2 from which it is worth learning again."""
-_SURE = 3.0
+_SURE = 5.0
 """Standard deviations from which something presses outside the view."""
 _CHANGED = 200.0
 """Chi2 over the data's number up to which weights learned from one press serve another, their variance times

@@ -33,7 +33,7 @@ class Anchor:
     learned_ns : int
         Time of the picture from which it was learned which loads press; 0 where none was.
     outside : Outside, optional
-        What presses outside the view, where that is 3 standard deviations and more.
+        What presses outside the view, where that is 5 standard deviations and a quarter of all that presses.
     """
 
     mode: Literal["known", "loads", "quiet", "none"]
