@@ -32,7 +32,7 @@ def bench(pressed: bool = False) -> Iterator[Devices]:
         assert isinstance(camera, SimulatedCamera)
         points = (PathPoint(0, 38.0, -1.0, 0.0), PathPoint(1, 38.0, -1.0, DEPTH_MM))
         points += (PathPoint(10**12, 38.0, -1.0, DEPTH_MM),)
-        dent = load(38.0, -1.0, DEPTH_MM, planted.PRESS_MM / np.sqrt(2))
+        dent = load(38.0, -1.0, DEPTH_MM, planted.PAD_MM)
         camera.scenario = Scenario("held", (PressPath(dent, points),) if pressed else (), 1e9)
         yield devices
 

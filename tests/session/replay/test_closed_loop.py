@@ -43,8 +43,8 @@ def test_the_mirror_is_where_it_was_read(session, recording):
         surface = recording.surface(int(step))
         there = scenario.mirror_at(surface.time_ns - mirror.shift_ns)
         off = there.depth(surface.x_mm, surface.y_mm)[surface.valid] - surface.depth_mm[surface.valid]
-        # 0.3 um is what the noise of one frame is on these few nodes, and 0.5 that of the constant while it is
-        # learned what presses; a sixteenth of it is averaged away
+        # 0.3 um is what the noise of one frame is on these few nodes, and 0.5 that of the constant while it
+        # is learned what presses; a sixteenth of it is averaged away
         assert np.sqrt(np.mean(off**2)) < 1.5e-3
 
 
