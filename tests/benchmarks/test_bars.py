@@ -14,6 +14,7 @@ from benchmarks.parts import fingerprint
 from benchmarks.report import Figure, Report, benchmark, figure
 from benchmarks.totals import estimate, rate
 from zeromethod.cli.output import write_summary
+from zeromethod.rig.tables import Rubber
 
 ROWS = tuple(bars.Row(name, name, 0.0) for name in ("planted", "missing", "done"))
 FIGURES = {
@@ -81,7 +82,7 @@ def test_what_is_not_within_a_bar_or_not_read_is_missed():
 
 
 def scenes() -> list[Any]:
-    return [replace(scenarios.case(number).scenario, rubber=None) for number in range(3)]
+    return [replace(scenarios.case(number).scenario, rubber=Rubber()) for number in range(3)]
 
 
 def test_a_salt_gives_the_same_scenes_and_another_one_others(monkeypatch):
