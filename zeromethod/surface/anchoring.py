@@ -45,16 +45,17 @@ class Anchoring:
 
     def shape(self, read: PassResult, error: Float) -> Float:
         """Step of depth (rows, cols), mm, that removes an error of depth / h and keeps the anchor's mean."""
-        weights = self._nodes(read) if self.fit is None else self.fit.weights
+        weights = self._weights(read, self._known(read)) if self.fit is None else self.fit.weights
         return step_of(self._scale, error, mean(weights, error), read.island)
 
     def choose(self, read: PassResult) -> float:
         """Find the constant; returns the multiple of h to add to depth, mm."""
-        weights = self._nodes(read)
+        known = self._known(read)
+        weights = self._weights(read, known)
         at_mm = mean(weights, read.depth / self._scale)
         self._fits += 1
-        if self._known(read) is not None:
-            self.fit, step_mm = RestFit("known", weights, 0.0), -at_mm
+        if known is not None:
+            self.fit, step_mm = known, -at_mm
         else:
             first = self._fits == 1
             found = self._constant.of(read, self._integrator, first, self._last, self._step_mm)
@@ -64,15 +65,15 @@ class Anchoring:
         self._step_mm = step_mm
         return step_mm
 
-    def _nodes(self, read: PassResult) -> Float:
+    def _weights(self, read: PassResult, known: RestFit | None) -> Float:
         """Weights (rows, cols) of the nodes whose mean the constant gives: all, or those declared at rest."""
-        known = self._known(read)
         if known is not None:
             return known.weights
         weights = np.where(read.island, self._scale**2, 0.0)
         return np.asarray(weights / weights.sum())
 
     def _known(self, read: PassResult) -> RestFit | None:
+        """The fit to nodes that are declared to be at rest, where some are read."""
         if not self._known_rest:
             return None
         nodes = known_nodes(self._known_rest, read.point[..., 0], read.point[..., 1]) & read.island

@@ -77,36 +77,42 @@ class KeptConstant:
         false_constant = partial(self._false, read, blocks)
         if not constant.knows_body:
             kept = self._kept
-            return Constant(*(constant.open if kept is None else kept.of)(blocks), false_constant)
+            found = constant.open(blocks) if kept is None else kept.of(blocks, kept.chi2_of(blocks))
+            return Constant(*found, false_constant)
         alike = self._kept is not None and np.array_equal(self._kept.used, blocks.used)
-        # of its own: passes go on moving points while the thread learns
-        x, y = np.moveaxis(read.point[..., :2], -1, 0).copy()
-        learn = partial(constant.learn, blocks, read.variance, read.island, integrator.linear(x, y))
+
+        def learning() -> Callable[..., Learned]:
+            # of its own: passes go on moving points while the thread learns
+            x, y = np.moveaxis(read.point[..., :2], -1, 0).copy()
+            return partial(constant.learn, blocks, read.variance, read.island, integrator.linear(x, y))
+
         if self._follows and self._kept is not None:
             if not alike:
-                self._kept = replace(learn(self._kept, again=False), from_ns=self._kept.from_ns)
-            self._learn_beside(blocks, learn, first and last)
-            if not self._kept.explains(blocks):
+                self._kept = replace(learning()(self._kept, again=False), from_ns=self._kept.from_ns)
+            chi2 = self._kept.chi2_of(blocks)
+            self._learn_beside(chi2, learning, first and last)
+            if not self._kept.explains(chi2):
                 return Constant(*constant.open(blocks), false_constant)
-        elif self._kept is None or abs(step_mm) > _SAME_MM or not alike or (first and last):
+            return Constant(*self._kept.of(blocks, chi2), false_constant)
+        if self._kept is None or abs(step_mm) > _SAME_MM or not alike or (first and last):
             found_mm, sigma_mm = constant.open(blocks)
             if first and self._kept is None and abs(found_mm) > _SAME_MM:
                 return Constant(found_mm, sigma_mm, false_constant)
-            self._kept = replace(learn(self._kept), from_ns=self._time_ns)
-        return Constant(*self._kept.of(blocks), false_constant)
+            self._kept = replace(learning()(self._kept), from_ns=self._time_ns)
+        return Constant(*self._kept.of(blocks, self._kept.chi2_of(blocks)), false_constant)
 
-    def _learn_beside(self, blocks: BlockReadings, learn: Callable[..., Learned], once: bool) -> None:
+    def _learn_beside(self, chi2: float, learning: Callable[[], Callable[..., Learned]], once: bool) -> None:
         """Learn in the thread, where that is worth its time and allowed."""
         kept = self._kept
         assert kept is not None
-        if not once or self._due >= self._frame or not kept.changed(blocks):
+        if not once or self._due >= self._frame or not kept.changed(chi2):
             return
         # a press that came after several changes of noise does not wait: the lag alone bounds its learning
-        if self._allowed >= 1.0 or not kept.explains(blocks):
+        if self._allowed >= 1.0 or not kept.explains(chi2):
             self._allowed = max(self._allowed - 1.0, 0.0)
             self._due = self._frame + _LAG_FRAMES
             self._worker = self._worker or Worker("loads", _serving)
-            at_ns = self._time_ns
+            at_ns, learn = self._time_ns, learning()
             self._worker.post(lambda: replace(learn(kept), from_ns=at_ns))
 
     def _false(self, read: PassResult, blocks: BlockReadings, slope: Float, ratio: Float) -> float:

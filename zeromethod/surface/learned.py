@@ -94,25 +94,27 @@ class Learned:
         """By evidence."""
         return max(self.bodies, key=lambda body: body.evidence)
 
-    def changed(self, read: BlockReadings) -> bool:
-        """Whether it is worth learning again."""
-        return abs(self.likeliest.fit.chi2(read, self.used) - self.chi2) > self._noise * self.chi2
+    def chi2_of(self, read: BlockReadings) -> float:
+        """Chi2 of a reading, over the number of data."""
+        return self.likeliest.fit.chi2(read, self.used)
+
+    def changed(self, chi2: float) -> bool:
+        """Whether it is worth learning again, by a reading's chi2."""
+        return abs(chi2 - self.chi2) > self._noise * self.chi2
 
     @property
     def _noise(self) -> float:
         """How much of chi2 is noise: two slopes a block."""
         return _SIGMAS / float(np.sqrt(np.count_nonzero(self.used)))
 
-    def explains(self, read: BlockReadings) -> bool:
-        """Whether what was learned is in a reading, so that its weights serve."""
-        chi2 = self.likeliest.fit.chi2(read, self.used)
+    def explains(self, chi2: float) -> bool:
+        """Whether what was learned is in a reading of this chi2, so that its weights serve."""
         return chi2 <= (
             _CHANGED if self.likeliest.variances.any() else (1.0 + self._noise) * max(self.chi2, 1.0)
         )
 
-    def of(self, read: BlockReadings) -> tuple[float, float]:
-        """(constant, its standard deviation) of a reading that is explained, mm."""
-        chi2 = self.likeliest.fit.chi2(read, self.used)
+    def of(self, read: BlockReadings, chi2: float) -> tuple[float, float]:
+        """(constant, its standard deviation) of a reading that is explained, mm; chi2: that reading's."""
         share = np.array([body.evidence for body in self.bodies])
         share = np.exp((share - share.max()) / _UNSURE)
         share /= share.sum()
