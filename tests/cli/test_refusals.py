@@ -42,6 +42,8 @@ FRINGES = "calibrate fringes --periods 16,18 --shifts 6"
 LOOP_ONLY = "only with --mode closed-loop"
 HELPERS = {
     "__init__",
+    "loads",
+    "pads",
     "report",
     "rigs",
     "dents",

@@ -9,6 +9,7 @@ from scipy.stats import multivariate_normal
 from zeromethod.mechanics.load_posterior import WEAK_MM, posterior
 
 DATA, LOADS = 12, 20
+NONE_WEAK = np.array([1.0, 0.0, 0.0, 0.0])
 
 
 class Problem(NamedTuple):
@@ -49,7 +50,7 @@ def all_at_once(p, weak_mm):
 @pytest.mark.parametrize("seed", range(5))
 def test_it_is_that_of_all_variables_at_once(seed):
     p = problem(seed)
-    found = posterior(*p, (0.0,))
+    found = posterior(*p, NONE_WEAK)
     weights, variance, _ = all_at_once(p, 0.0)
     # linear algebra of another order
     np.testing.assert_allclose(found.weights, weights, rtol=1e-6, atol=1e-9 * np.abs(weights).max())
@@ -61,7 +62,7 @@ def test_it_is_that_of_all_variables_at_once(seed):
 @pytest.mark.parametrize("seed", range(5))
 def test_weak_loads_everywhere_count_by_how_well_they_explain_the_data(seed):
     p = problem(seed)
-    found = posterior(*p, WEAK_MM)
+    found = posterior(*p)
     each = [all_at_once(p, weak_mm) for weak_mm in WEAK_MM]
     # half of the odds are for none, the rest is shared out evenly
     odds = np.array([0.5, *[0.5 / (len(WEAK_MM) - 1)] * (len(WEAK_MM) - 1)])
@@ -79,7 +80,7 @@ def test_weak_loads_everywhere_count_by_how_well_they_explain_the_data(seed):
 
 def test_without_loads_only_what_the_noise_shares_is_known():
     p = problem(0)._replace(gamma=np.zeros(LOADS))
-    found = posterior(*p, (0.0,))
+    found = posterior(*p, NONE_WEAK)
     np.testing.assert_allclose(found.weights, -p.shared, rtol=1e-12)
     assert found.variance == pytest.approx(p.open2 - p.shared @ p.shared, rel=1e-9)
 
@@ -87,7 +88,7 @@ def test_without_loads_only_what_the_noise_shares_is_known():
 def test_the_sum_lies_within_its_variance_of_the_truth():
     """Of 400 draws of loads and noise, the squared error over variance is 1 in the mean."""
     p = problem(3)
-    found, draw = posterior(*p, (0.0,)), np.random.default_rng(7)
+    found, draw = posterior(*p, NONE_WEAK), np.random.default_rng(7)
     loads = np.sqrt(p.gamma) * draw.standard_normal((400, LOADS))
     noise = draw.standard_normal((400, DATA))
     left2 = p.open2 - p.shared @ p.shared

@@ -26,7 +26,7 @@ from scipy.ndimage import correlate1d
 from zeromethod.arrays import Float, Mask
 from zeromethod.mechanics.bodies import Candidate
 from zeromethod.mechanics.gaussian_load import Elastic, Loads
-from zeromethod.mechanics.load_posterior import WEAK_MM, posterior
+from zeromethod.mechanics.load_posterior import posterior
 from zeromethod.mechanics.load_variances import COST, learned_variances, spread_variances
 from zeromethod.mechanics.possible_loads import possible_loads
 from zeromethod.mechanics.whitening import Whitening
@@ -113,10 +113,12 @@ class LoadConstant:
         ring = self._ring(read)
         shared, open_mm2 = self._noise_of_view(ring, variance, island, linear)
         view = _View(self, read, ring, shared, open_mm2)
-        starts = [None] * len(self._dents) if before is None else [body.variances for body in before.bodies]
+        starts = [None] * len(self._dents) if before is None else before.bodies
         found = []
         for (dents, others), start in zip(self._dents, starts, strict=True):
             found.append(view.of_body(dents, others, start, again or start is None))
+        if before is not None and not again:
+            return replace(before, bodies=tuple(found), used=read.used)
         best = max(found, key=lambda body: body.evidence)
         return Learned(tuple(found), read.used, best.fit.chi2(read, read.used))
 
@@ -188,19 +190,20 @@ class _View:
         self._shared = shared[read.used].T.ravel()
 
     def of_body(
-        self, dents: PossibleDents, others: Sequence[PossibleDents], start: Float | None, again: bool
+        self, dents: PossibleDents, others: Sequence[PossibleDents], start: OfBody | None, again: bool
     ) -> OfBody:
         """The constant by the loads that are learned for this body, and for these by the bodies beside it."""
         data = self._white(dents, _MODEL**2)
         if again or start is None:
-            data, variances = self._learned(dents, data, start)
+            data, variances = self._learned(dents, data, None if start is None else start.variances)
+            shares = None
         else:
-            variances = start
+            variances, shares = start.variances, start.weak_shares
         spread = spread_variances(variances, dents.loads)
-        found = self._posterior(data, spread, variances, WEAK_MM)
+        found = self._posterior(data, spread, variances, shares)
         outside = self._outside(data, found.fit.root, spread, dents.loads)
         beside = (self._white(other, data.error2) for other in others)
-        moved = tuple(self._posterior(one, spread, variances, WEAK_MM).constant for one in beside)
+        moved = tuple(self._posterior(one, spread, variances, found.weak_shares).constant for one in beside)
         return replace(found, others=moved, outside=outside)
 
     def _outside(self, of: _White, root: Float, gamma: Float, loads: Loads) -> Outside | None:
@@ -224,16 +227,16 @@ class _View:
         phi, mean = dents.seen(self._ring, *self._of_h, self._used)
         return _White(white, white(phi), white(self._z), mean, error2)
 
-    def _posterior(self, of: _White, gamma: Float, variances: Float, weak_mm: Sequence[float]) -> OfBody:
+    def _posterior(self, of: _White, gamma: Float, variances: Float, shares: Float | None) -> OfBody:
         shared = of.white(self._shared)
-        found = posterior(of.phi, gamma, of.data, of.mean, shared, self._open_mm2, weak_mm)
+        found = posterior(of.phi, gamma, of.data, of.mean, shared, self._open_mm2, shares)
         a = of.white.weights(found.weights)
         of_slope = np.zeros((len(self._used), 2))
         of_slope[self._used] = a.reshape(2, -1).T
         constant = Linear(self._ring * (1.0 + float(a @ self._gradient)), of_slope)
         evidence = found.evidence - of.white.log_size - COST * np.count_nonzero(variances)
         fit = Fit(self._ring, self._of_h[1], of.white, found.root)
-        return OfBody(constant, found.variance, evidence, variances, fit)
+        return OfBody(constant, found.variance, evidence, variances, found.shares, fit)
 
     def _learned(self, dents: PossibleDents, of: _White, start: Float | None) -> tuple[_White, Float]:
         """The equations, with the error of the dents that is found, and the loads' variances."""

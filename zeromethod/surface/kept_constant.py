@@ -7,11 +7,10 @@ the same depths. Until then sigma says how far what is read is from what was lea
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from functools import partial
-from threading import TIMEOUT_MAX
 
 import numpy as np
 
@@ -21,7 +20,7 @@ from zeromethod.surface.constant import LoadConstant
 from zeromethod.surface.integrate import SlopeIntegrator
 from zeromethod.surface.learned import Learned
 from zeromethod.surface.pass_result import PassResult
-from zeromethod.worker import Worker
+from zeromethod.worker import in_thread
 
 _LAG_FRAMES = 12
 """Frames from slopes to the weights learned from them: 0.2 s at 60 Hz, twice what learning several loads
@@ -47,7 +46,7 @@ class KeptConstant:
     def __init__(self, constant: LoadConstant) -> None:
         self._constant = constant
         self._kept: Learned | None = None
-        self._worker: Worker[Callable[[], Learned], Learned] | None = None
+        self._learning: Future[Learned] | None = None
         self._frame, self._due, self._allowed = 0, -1, float(_AT_MOST)
         self._follows, self._time_ns = False, 0
 
@@ -58,12 +57,12 @@ class KeptConstant:
         """
         self._follows, self._time_ns = follows and self._kept is not None, time_ns
         if learned is not None or not self._follows:
-            self._kept = learned
+            self._kept, self._learning, self._due = learned, None, -1
             return
         self._frame += 1
         self._allowed = min(self._allowed + 1.0 / _EVERY_FRAMES, _AT_MOST)
-        if self._worker is not None and self._frame == self._due:
-            (self._kept,) = self._worker.take(TIMEOUT_MAX)
+        if self._learning is not None and self._frame == self._due:
+            self._kept, self._learning = self._learning.result(), None
 
     def of(
         self, read: PassResult, integrator: SlopeIntegrator, first: bool, last: bool, step_mm: float
@@ -88,7 +87,7 @@ class KeptConstant:
 
         if self._follows and self._kept is not None:
             if not alike:
-                self._kept = replace(learning()(self._kept, again=False), from_ns=self._kept.from_ns)
+                self._kept = learning()(self._kept, again=False)
             chi2 = self._kept.chi2_of(blocks)
             self._learn_beside(chi2, learning, first and last)
             if not self._kept.explains(chi2):
@@ -111,9 +110,8 @@ class KeptConstant:
         if self._allowed >= 1.0 or not kept.explains(chi2):
             self._allowed = max(self._allowed - 1.0, 0.0)
             self._due = self._frame + _LAG_FRAMES
-            self._worker = self._worker or Worker("loads", _serving)
             at_ns, learn = self._time_ns, learning()
-            self._worker.post(lambda: replace(learn(kept), from_ns=at_ns))
+            self._learning = in_thread("loads", lambda: replace(learn(kept), from_ns=at_ns))
 
     def _false(self, read: PassResult, blocks: BlockReadings, slope: Float, ratio: Float) -> float:
         false = self._constant.reader.means(slope, ratio, read.island)
@@ -125,8 +123,3 @@ class KeptConstant:
     def learned(self) -> Learned | None:
         """What serves now; None where nothing was learned."""
         return self._kept
-
-
-@contextmanager
-def _serving() -> Iterator[Callable[[Callable[[], Learned]], Learned]]:
-    yield lambda learn: learn()
