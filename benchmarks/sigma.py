@@ -219,12 +219,16 @@ class Bench:
         assert (len(shown.entries) == 2) == case.two_pictures
         return np.float32(case.exposure) * light, shown
 
-    def _less_constant(self, surface: Surface) -> Float:
-        """Depth (rows, cols), mm, against its mean over the anchor's nodes, as sigma of noise counts it."""
+    def _less_constant(self, surface: Surface, mirror: Mirror) -> Float:
+        """Depth (rows, cols), mm, less the mean error over the anchor's nodes, as sigma of noise counts it.
+
+        Not less its mean: of a dent it is another one for every node that fails in some draws.
+        """
         inner = self.rest.grid.inner
         scale = np.where(surface.valid[inner], self.reader.scale, np.nan)
         of_anchor = np.where(surface.anchor.mask[inner], scale, np.nan)
-        constant_mm = np.nansum(of_anchor * surface.depth_mm[inner]) / np.nansum(of_anchor**2)
+        error_mm = surface.depth_mm - mirror.depth(surface.x_mm, surface.y_mm)
+        constant_mm = np.nansum(of_anchor * error_mm[inner]) / np.nansum(of_anchor**2)
         out = np.full(surface.depth_mm.shape, np.nan)
         out[inner] = surface.depth_mm[inner] - constant_mm * scale
         return out
@@ -250,7 +254,7 @@ class Bench:
         guess = known.residual_px
         if shown.mixture is not None and shown.mixture.bias_px is not None:
             guess = known.residual_px + shown.mixture.bias_px
-        inner = self.rest.grid.inner
+        inner, mirror = self.rest.grid.inner, self.mirror(case.press_mm)
         values: dict[str, list[Float]] = {word: [] for word in WORDS}
         sigmas: dict[str, list[Float]] = {word: [] for word in WORDS}
         surface = None
@@ -263,7 +267,7 @@ class Bench:
             if number % COVARIANCE_EVERY == 0:
                 covariances.append(self.reader.covariance(surface))
             good = (measured.valid & surface.valid)[inner][..., None]
-            depth = (self._less_constant(surface)[..., None], self._of_noise(surface)[..., None])
+            depth = (self._less_constant(surface, mirror)[..., None], self._of_noise(surface)[..., None])
             pairs = (
                 (residual.d, residual.sigma),
                 (measured.q, measured.sigma),
@@ -273,7 +277,7 @@ class Bench:
             for word, (value, sigma) in zip(WORDS, pairs, strict=True):
                 values[word].append(np.where(good, value[inner], np.nan))
                 sigmas[word].append(np.where(good, sigma[inner], np.nan))
-        usable = usable_nodes(self.optics, self.rest.grid, self.mirror(case.press_mm))[inner]
+        usable = usable_nodes(self.optics, self.rest.grid, mirror)[inner]
         return Draws(
             {word: np.array(value) for word, value in values.items()},
             {word: np.array(value) for word, value in sigmas.items()},

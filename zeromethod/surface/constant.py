@@ -201,7 +201,10 @@ class _View:
             variances, shares = start.variances, start.weak_shares
         spread = spread_variances(variances, dents.loads)
         found = self._posterior(data, spread, variances, shares)
-        outside = self._outside(data, found.fit.root, spread, dents.loads)
+        if again or start is None:
+            outside = self._outside(data, found.fit.root, spread, dents.loads)
+        else:
+            outside = start.outside
         beside = (self._white(other, data.error2) for other in others)
         moved = tuple(self._posterior(one, spread, variances, found.weak_shares).constant for one in beside)
         return replace(found, others=moved, outside=outside)

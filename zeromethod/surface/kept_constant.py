@@ -48,7 +48,8 @@ class KeptConstant:
         self._kept: Learned | None = None
         self._learning: Future[Learned] | None = None
         self._frame, self._due, self._allowed = 0, -1, float(_AT_MOST)
-        self._follows, self._time_ns = False, 0
+        self._urgent = self._follows = False
+        self._time_ns = 0
 
     def begin(self, follows: bool, time_ns: int, learned: Learned | None) -> None:
         """Begin a reading. follows: it comes next to the one before, so that what was learned is kept.
@@ -104,12 +105,12 @@ class KeptConstant:
         """Learn in the thread, where that is worth its time and allowed."""
         kept = self._kept
         assert kept is not None
-        if not once or self._due >= self._frame or not kept.changed(chi2):
-            return
-        # a press that came after several changes of noise does not wait: the lag alone bounds its learning
-        if self._allowed >= 1.0 or not kept.explains(chi2):
+        urgent = not kept.explains(chi2)
+        # a press waits neither for what is learned of a change of noise, nor for what such changes are allowed
+        waits = self._due >= self._frame and (self._urgent or not urgent)
+        if once and not waits and kept.changed(chi2) and (self._allowed >= 1.0 or urgent):
             self._allowed = max(self._allowed - 1.0, 0.0)
-            self._due = self._frame + _LAG_FRAMES
+            self._due, self._urgent = self._frame + _LAG_FRAMES, urgent
             at_ns, learn = self._time_ns, learning()
             self._learning = in_thread("loads", lambda: replace(learn(kept), from_ns=at_ns))
 
