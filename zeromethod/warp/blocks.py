@@ -16,6 +16,8 @@ from zeromethod.arrays import Float, Ints, Mask
 
 _SHORTER = 15
 """Blocks along the lattice's shorter side: what presses is told apart by fields of the view's size."""
+_MOST = 450
+"""Blocks in all, of a lattice that is longer than twice its width: learning takes the cube of their number."""
 _LEAST_SHARE = 0.5
 """Share of a block's nodes below which it is left out: its mean would be that of a plane through few."""
 
@@ -31,7 +33,7 @@ class Blocks:
     @classmethod
     def of(cls, shape: tuple[int, int]) -> Blocks:
         """Nearly square ones."""
-        size = max(min(shape) / _SHORTER, 1.0)
+        size = max(min(shape) / _SHORTER, np.sqrt(shape[0] * shape[1] / _MOST), 1.0)
         rows, cols = (np.linspace(0, n, max(round(n / size), 1) + 1).round().astype(int)[:-1] for n in shape)
         return cls(shape, rows, cols)
 
