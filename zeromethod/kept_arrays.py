@@ -1,4 +1,4 @@
-"""Arrays that take long to work out, kept in the user's cache folder."""
+"""Arrays that take long to work out: shipped with the packaged rigs, or kept in the user's cache folder."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ import numpy as np
 
 from zeromethod.arrays import Float
 from zeromethod.atomic_write import atomic_write
+from zeromethod.resources import resource
 
 
 def cache_folder() -> Path:
@@ -29,16 +30,20 @@ def kept_arrays(
 ) -> dict[str, Float]:
     """Arrays from their file if there is one, else worked out and kept where the folder can be written.
 
-    depends_on: all that they depend on, as JSON can have it.
+    depends_on: all that they depend on, as JSON can have it; lengths and angles rounded, so that a last digit
+    that one machine computes otherwise makes no other arrays.
     """
     key = hashlib.sha256(json.dumps(depends_on, sort_keys=True).encode()).hexdigest()[:20]
-    file = cache_folder() / f"{kind}-{key}.npz"
-    try:
-        with file.open("rb") as kept_in, np.load(kept_in) as kept:
-            return dict(kept)
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
-        # none yet, or not a whole one
-        made = make()
+    name = f"{kind}-{key}.npz"
+    file = cache_folder() / name
+    for there in (resource("calibration", "bodies", name), file):
+        try:
+            with there.open("rb") as kept_in, np.load(kept_in) as kept:
+                return dict(kept)
+        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+            # none yet, or not a whole one
+            continue
+    made = make()
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         with atomic_write(file) as part, part.open("wb") as out:

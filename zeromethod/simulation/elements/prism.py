@@ -150,7 +150,10 @@ class HeldPrism:
         """All that the kernel depends on, as JSON can have it."""
         return {
             "version": _VERSION, "sizes": [CELLS, LINE_CELLS, PLACES, FORCES, INSET],
-            "shape": [self.length_mm, self.pattern_rad, self.camera_rad, self.half_width_mm],
+            "shape": [
+                round(float(one), 9)
+                for one in (self.length_mm, self.pattern_rad, self.camera_rad, self.half_width_mm)
+            ],
             "supports": self.supports.model_dump(), "poisson": self.poisson, "refined": self.refined,
         }  # fmt: skip
 
