@@ -25,12 +25,12 @@ from zeromethod.paper.printed_lattice import photograph
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
 from zeromethod.simulation.press import Mirror
-from zeromethod.simulation.scenario import load_scenario
+from zeromethod.simulation.scenario import scenario_of
 
 Figures = dict[str, Any]
 
-PRESS = "hold"
-"""The packaged press of section 5: a load of width 3.54 mm, 0.2 mm deep, held at the mirror's middle."""
+PRESS = "paper"
+"""The packaged press of section 5: 0.2 mm deep, held at the mirror's middle; by formula, on no rubber."""
 PAPER_PRESS: Figures = {"peak_mm": 0.2, "peak_error_percent": 10.0}
 """Section 5: pressed "about 0.2 mm", error "approximately 10 percent at the peak area"."""
 SHIFT_MM = 1.25
@@ -179,8 +179,8 @@ def reproduce(advance: Callable[[str], None] | None = None, *, quick: bool = Fal
         its reading.
     """
     next_step = advance or (lambda _: None)
-    rig = load_rig("paper").model_copy(update={"scenario": PRESS})
-    scenario = load_scenario(PRESS)
+    rig = load_rig("paper").replace({"rubber.body": "none", "rubber.support": None}, scenario=PRESS)
+    scenario = scenario_of(rig)
     press = scenario.mirror_at(round(0.5e9 * scenario.duration_s))
     needle = reproduce_needle()
     next_step(STEPS[1])
