@@ -18,6 +18,7 @@ from zeromethod.light_array.modes import Modes
 from zeromethod.light_array.simulated import FramedMirror, SimulatedArrays
 from zeromethod.light_array.start import levels_at_rest
 from zeromethod.loop.state import State
+from zeromethod.resources import resource
 
 PRESS = (42.0, 0.0, 6.0, 0.2)
 
@@ -191,8 +192,11 @@ def test_detectors_that_are_turned_are_found_to_look_elsewhere():
 
 
 def test_a_recording_repeats_bit_for_bit_and_says_so_where_it_does_not(tmp_path):
-    file, summary = tmp_path / "run.h5", tmp_path / "run.json"
-    ran = run("run --rig leds --scenario step --seconds 0.25 --record", file, "--summary", summary)
+    file, summary, press = (tmp_path / name for name in ("run.h5", "run.json", "press.toml"))
+    # at once, and as wide as the packaged press of this rig
+    step = resource("calibration", "presses", "step.toml").read_text()
+    press.write_text(step.replace("width_mm = 3.54", "width_mm = 5.0"))
+    ran = run("run --rig leds --scenario", press, "--seconds 0.25 --record", file, "--summary", summary)
     assert ran.code == 0, ran.err
     figures = json.loads(summary.read_text())
     assert figures["state"] == "locked"

@@ -13,6 +13,7 @@ from zeromethod.arrays import Float
 from zeromethod.light_array.devices import FULL_SCALE, Counts, LightArrays, Readings
 from zeromethod.light_array.rig import SIDE, LightArrayRig
 from zeromethod.optics.prism import PrismGeometry
+from zeromethod.rig.tables import Rubber
 from zeromethod.simulation.press import Mirror
 from zeromethod.simulation.scenario import Scenario, load_scenario
 
@@ -22,6 +23,9 @@ variances of all light, and so are exact to third order."""
 
 _PASSES = 2
 """Newton steps that find where a ray meets the mirror."""
+
+_RUBBER = Rubber(support="bonded", thickness_mm=20.0)
+"""What is pressed: rubber cast onto the LEDs' face, as thick as the prism in the frame's middle, about."""
 
 
 class FramedMirror:
@@ -65,7 +69,7 @@ class SimulatedArrays(LightArrays):
 
     def __init__(self, rig: LightArrayRig) -> None:
         self.rig = rig
-        self.scenario: Scenario = load_scenario(rig.scenario)
+        self.scenario: Scenario = load_scenario(rig.scenario, _RUBBER)
         spec = rig.simulation
         rng = np.random.default_rng(spec.seed)
         count = SIDE * SIDE
