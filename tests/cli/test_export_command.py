@@ -17,7 +17,7 @@ NAMES = ["a.npz", "a.tif", "a.ply", "a.stl", "a.csv", "a.mcap", "a.mp4"]
 @pytest.fixture(scope="module")
 def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run of the packaged simulated bench; its press of 0.2 mm comes down at 0.2 s."""
-    return recorded(tmp_path_factory.mktemp("session") / "session.h5", 0.4)
+    return recorded(tmp_path_factory.mktemp("session") / "session.h5", 0.6)
 
 
 def test_every_format_at_once_with_a_line_and_figures_of_each(session, tmp_path):

@@ -8,8 +8,9 @@ from small_rigs import quarter
 from zeromethod import Measurement, Warp
 from zeromethod.passive.bend import blurred, speck_px2
 from zeromethod.rig.geometry import GeometrySpec
+from zeromethod.simulation.loads import load
 from zeromethod.simulation.numpy_renderer import NumpyRenderer
-from zeromethod.simulation.press import Dent, Mirror, Shape
+from zeromethod.simulation.press import Dent, Mirror
 from zeromethod.simulation.renderer import Piece
 from zeromethod.simulation.sensor import Sensor
 
@@ -36,11 +37,8 @@ def read(dents: list[Dent], seeds: list[int]) -> list[tuple[float, float, float]
 
 @pytest.fixture(scope="module")
 def readings() -> list[tuple[float, float, float]]:
-    """Of dents 5 mm wide under two speckles."""
-    return read(
-        [Dent(Shape.GAUSSIAN, x_mm=42.0 - seed, y_mm=seed, depth_mm=0.2, size_mm=5.0) for seed in range(2)],
-        [0, 1],
-    )
+    """Of dents as curved as Gaussian ones of sigma 5 mm, under two speckles."""
+    return read([load(42.0 - seed, seed, 0.2, 3.54) for seed in range(2)], [0, 1])
 
 
 def test_depth_of_a_dent_lies_within_its_sigma(readings):
@@ -52,9 +50,7 @@ def test_depth_of_a_dent_lies_within_its_sigma(readings):
 
 def test_a_narrow_dent_keeps_its_nodes_where_single_points_are_not_sure():
     seeds = [0, 3]
-    dents = [
-        Dent(Shape.GAUSSIAN, x_mm=42.0 - seed, y_mm=seed - 2.0, depth_mm=0.1, size_mm=3.0) for seed in seeds
-    ]
+    dents = [load(42.0 - seed, seed - 2.0, 0.1, 2.12) for seed in seeds]
     for planted_mm, read_mm, sigma_mm in read(dents, seeds):
         # A dozen nodes less near the summit would make it 6 to 38 % low.
         assert abs(read_mm - planted_mm) < 3.0 * sigma_mm

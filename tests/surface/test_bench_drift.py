@@ -30,5 +30,5 @@ def test_small_drift_at_rest_is_in_sigma_as_large_as_it_is():
         reader = SurfaceReader(rig, optics, grid)
         surface = [reader.follow(Warp(q, sigma, rest.flags.copy(), k)) for k in range(2)][-1]
         ratios2.append(np.nanmean((surface.depth_mm / surface.sigma_depth_mm) ** 2))
-    # twelve draws of six numbers; a slope that no far field was made of, in sigma all the same, makes it 0.5
-    assert np.sqrt(np.mean(ratios2)) == pytest.approx(0.9, abs=0.2)
+    # twelve draws of six numbers know it to 8 %: three deviations
+    assert np.sqrt(np.mean(ratios2)) == pytest.approx(1.0, abs=0.25)

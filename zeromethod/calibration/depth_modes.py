@@ -21,7 +21,8 @@ from zeromethod.errors import MeasurementError
 from zeromethod.optics import Dented
 from zeromethod.rig.geometry import powers
 from zeromethod.rig.model import Rig
-from zeromethod.simulation.press import Dent, Mirror, Shape
+from zeromethod.simulation.loads import load
+from zeromethod.simulation.press import Mirror
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.rest_pixels import rest_pixels
 from zeromethod.warp.validity import Flag
@@ -30,8 +31,8 @@ from zeromethod.warp.warp import Warp
 _X_SHARES, _Y_SHARES = (0.2, 0.5, 0.8), (0.25, 0.5, 0.75)
 """Where the regions' middles lie in what is seen of the mirror."""
 _X_NAMES, _Y_NAMES = ("near P0", "middle", "near R0"), ("low y", "mid y", "high y")
-_WIDTH_SHARE = 0.1
-_MOST_SLOPE = 0.012
+_WIDTH_SHARE, _DEPTH_OVER_WIDTH = 0.07, 0.028
+"""Width of the reference load over what is seen of the mirror; its depth over its width: slopes of 12 mrad."""
 SIGMA_PX = 0.02
 """Standard deviation of a node of a rest map, LCD px."""
 _LEAST_NODES = 64
@@ -160,12 +161,12 @@ def depth_error(fitted: Fit, grid: NodeGrid, reading: RestReading | None = None)
     pixel = rest_pixels(optics, nodes, chosen.q_rest)
     point = optics.trace(pixel[..., 0], pixel[..., 1], optics.rest).point[known]
     x, y = (_between(point[:, axis], shares) for axis, shares in ((0, _X_SHARES), (1, _Y_SHARES)))
-    sigma_mm = _WIDTH_SHARE * float(np.ptp(point[:, :2], axis=0).min())
-    depth_mm = _MOST_SLOPE * sigma_mm * float(np.exp(0.5))
+    width_mm = _WIDTH_SHARE * float(np.ptp(point[:, :2], axis=0).min())
+    depth_mm = _DEPTH_OVER_WIDTH * width_mm
     names, presses = [], []
     for x_name, x_mm in zip(_X_NAMES, x, strict=True):
         for y_name, y_mm in zip(_Y_NAMES, y, strict=True):
-            pad = Mirror((Dent(Shape.GAUSSIAN, float(x_mm), float(y_mm), depth_mm, sigma_mm),))
+            pad = Mirror((load(float(x_mm), float(y_mm), depth_mm, width_mm, rig.rubber),))
             seen = optics.trace(pixel[..., 0], pixel[..., 1], Dented(optics.rest, pad))
             flags = np.where(known & np.isfinite(seen.q[..., 0]), 0, int(Flag.NO_RAY)).astype(np.uint16)
             warp = Warp(seen.q, np.full(seen.q.shape, SIGMA_PX), flags, 0)

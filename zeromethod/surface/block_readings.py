@@ -39,7 +39,7 @@ class BlockReader:
         place = read.point[..., :2] - self._at
         away, slope = np.where(there, place, 0.0), np.where(there, read.slope, 0.0)
         nodes = np.einsum("...ij,...j->...i", self._nodes_per_mm, away)
-        change = np.stack([np.gradient(slope, axis=k) for k in (0, 1)], axis=-1)
+        change = np.stack([_change(slope, read.island, axis) for axis in (0, 1)], axis=-1)
         at_rest = slope - np.einsum("...ki,...i->...k", change, nodes)
         ratio = (read.depth - (slope * away).sum(axis=-1)) / self._scale
         found = self.means(at_rest, ratio, read.island)
@@ -53,3 +53,16 @@ class BlockReader:
         both = np.concatenate([slope, ratio[..., None]], axis=-1)
         means, used = self._blocks.means(both, island)
         return BlockReadings(means[:, :2], means[:, 2], np.zeros((len(means), 2)), used)
+
+
+def _change(values: Float, there: Mask, axis: int) -> Float:
+    """Change of values (rows, cols, n) per node along an axis, by those of a node's neighbours that are there."""
+    step = np.diff(values, axis=axis)
+    known = np.diff(there.astype(np.int8), axis=axis) == 0
+    known &= there[1:] if axis == 0 else there[:, 1:]
+    total, count = np.zeros(values.shape), np.zeros(there.shape)
+    for side in (slice(None, -1), slice(1, None)):
+        nodes = (side,) if axis == 0 else (slice(None), side)
+        total[nodes] += np.where(known[..., None], step, 0.0)
+        count[nodes] += known
+    return total / np.maximum(count, 1.0)[..., None]

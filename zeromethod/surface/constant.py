@@ -63,15 +63,20 @@ class LoadConstant:
         y_mm: Float,
         scale: Float,
         gradient: Float,
+        known: Mask,
         correlation: Float,
     ) -> None:
-        """x_mm, y_mm, scale h: (rows, cols) at rest; h's gradient (..., 2). correlation: of nodes' noise."""
+        """x_mm, y_mm, scale h: (rows, cols) at rest; h's gradient (..., 2).
+
+        known: (rows, cols) nodes that see the mirror at rest; h is not that of others. correlation: of nodes'
+        noise.
+        """
         self._x, self._y, self._scale, self._candidates = x_mm, y_mm, scale, candidates
         self.knows_body = bool(candidates)
         self._blocks = Blocks.of(x_mm.shape)
         self.reader = BlockReader(self._blocks, x_mm, y_mm, scale)
         of_scale = np.concatenate([gradient, 1.0 / scale[..., None]], axis=-1)
-        means, _ = self._blocks.means(of_scale, np.ones(scale.shape, bool))
+        means, _ = self._blocks.means(of_scale, known)
         self._gradient, self._inverse_scale = means[:, :2], means[:, 2]
         self._both_ways = np.concatenate([correlation[:0:-1], correlation])
         of_blocks = np.kron(*self._blocks.correlation(correlation))

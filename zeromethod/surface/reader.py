@@ -131,7 +131,7 @@ class SurfaceReader:
         self._scale, self._scale_gradient = depth_scale(self._rays, regular, slope, point)
         self._integrator = SlopeIntegrator(point[..., 0], point[..., 1], self._scale)
         correlation = overlap_correlation(grid.period_px, grid.spacing_px)
-        shape = self._scale, self._scale_gradient, correlation
+        shape = self._scale, self._scale_gradient, regular, correlation
         bodies = candidates_of(rig) if with_sigma else ()
         x, y = np.moveaxis(continued_points(point[..., :2]), -1, 0)
         self._constant = KeptConstant(LoadConstant(bodies, x, y, *shape))

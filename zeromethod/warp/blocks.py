@@ -20,6 +20,8 @@ _MOST = 450
 """Blocks in all, of a lattice that is longer than twice its width: learning takes the cube of their number."""
 _LEAST_SHARE = 0.5
 """Share of a block's nodes below which it is left out: its mean would be that of a plane through few."""
+_FLAT = 1e-9
+"""Determinant of the nodes' second moments, nodes^4, below which they lie on one line."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +82,7 @@ class Blocks:
     def means(self, values: Float, nodes: Mask) -> tuple[Float, Mask]:
         """Means (blocks, n) of values (rows, cols, n) that some nodes have; which blocks have enough of them.
 
-        Of a block with gaps it is that of the plane that fits its nodes best.
+        Of a block with gaps it is that of the plane that fits its nodes best; those on one line fit many.
         """
         place, size = self._moments
         count = self.sums(nodes.astype(np.float64))
@@ -99,7 +101,9 @@ class Blocks:
             mixed = np.stack([self.sums(there * place[..., k, None]) / least for k in (0, 1)])
             xx, yy, xy = xx - first[:, 0] ** 2, yy - first[:, 1] ** 2, xy - first[:, 0] * first[:, 1]
             mixed -= first.T[:, :, None] * mean
-            det = np.maximum(xx * yy - xy**2, 1e-9)[:, None]
+            det = xx * yy - xy**2
+            enough &= ~gaps | (det > _FLAT)
+            det = np.maximum(det, _FLAT)[:, None]
             tilt = np.stack(
                 [
                     yy[:, None] * mixed[0] - xy[:, None] * mixed[1],
