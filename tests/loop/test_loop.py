@@ -11,6 +11,7 @@ from small_rigs import with_tables
 from benchmarks.against_peers.open_loop import coarser
 from zeromethod import Event, Loop, Step, load_rig, open_devices
 from zeromethod.loop.state import LOCK_RESIDUAL_PX, State
+from zeromethod.resources import resource
 from zeromethod.rig.model import Rig
 
 
@@ -64,8 +65,12 @@ def run(rig: Rig, frames: int) -> list[Step]:
         return list(loop.run(frames=frames))
 
 
-def test_the_simulated_bench_locks_at_rest_and_on_a_sudden_press():
-    rig = bench("step")
+def test_the_simulated_bench_locks_at_rest_and_on_a_sudden_press(tmp_path):
+    # by formula: so steep a change that one exposure shows two different pictures
+    step = resource("calibration", "presses", "step.toml").read_text()
+    press = tmp_path / "step.toml"
+    press.write_text(step.replace('"load"\nwidth_mm = 3.54', '"gaussian"\nsigma_mm = 5.0'))
+    rig = bench(str(press))
     steps = run(rig, 32)
     before = [s for s in steps if s.state is State.RESTING]
     assert before

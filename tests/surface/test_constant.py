@@ -14,7 +14,7 @@ from zeromethod.rig.tables import Rubber
 from zeromethod.simulation.loads import load, ring
 from zeromethod.simulation.press import Mirror
 from zeromethod.surface import SurfaceReader, kept_constant
-from zeromethod.worker import Worker
+from zeromethod.worker import completed, in_thread
 
 LAG_FRAMES = 12
 """Readings until what was learned from one serves: 0.2 s at 60 Hz."""
@@ -175,24 +175,15 @@ def test_a_sudden_other_press_is_unsure_until_it_is_learned_twelve_readings_late
 
 
 class Late:
-    """A worker that does what it was asked when the answer is due, and not in the meantime."""
+    """A thread that learns when it is waited for."""
 
-    def __init__(self, name, serving):
-        self.asked = []
-
-    def post(self, learn):
-        self.asked.append(learn)
-
-    def take(self, _):
-        return [self.asked.pop()()]
+    def __init__(self, _name, learn):
+        self.result = learn
 
 
-class AtOnce(Late):
-    """One that does it before anything else."""
-
-    def post(self, learn):
-        answer = learn()
-        super().post(lambda: answer)
+def at_once(_name, learn):
+    """One that learns before anything else."""
+    return completed(learn)
 
 
 def same(one, other):
@@ -202,13 +193,15 @@ def same(one, other):
     assert one.anchor.learned_ns == other.anchor.learned_ns
 
 
-@pytest.mark.parametrize("workers", [(Worker, Worker), (AtOnce, Late)], ids=["threads", "when it learns"])
+@pytest.mark.parametrize(
+    "threads", [(in_thread, in_thread), (at_once, Late)], ids=["threads", "when it learns"]
+)
 def test_the_same_warps_in_the_same_order_give_the_same_surfaces_bit_for_bit(
-    view, frames, workers, monkeypatch
+    view, frames, threads, monkeypatch
 ):
     read = []
-    for worker in workers:
-        monkeypatch.setattr(kept_constant, "Worker", worker)
+    for thread in threads:
+        monkeypatch.setattr(kept_constant, "in_thread", thread)
         reader = view.reader_by(FREE)
         read.append([reader.follow(warp) for warp in frames([REST, REST, *[ONE] * 14, *[OTHER] * 16])])
     for one, other in zip(*read, strict=True):
@@ -218,9 +211,8 @@ def test_the_same_warps_in_the_same_order_give_the_same_surfaces_bit_for_bit(
 
 
 @pytest.mark.parametrize("at_rest", [2, 7])
-def test_a_press_that_comes_while_noise_is_learned_waits_for_one_learning_more(view, frames, at_rest):
-    """One learning at a time, each for `LAG_FRAMES`."""
-    dents = [REST] * at_rest + [ONE] * (2 * LAG_FRAMES + 2)
+def test_a_press_that_comes_while_noise_is_learned_does_not_wait_for_that(view, frames, at_rest):
+    dents = [REST] * at_rest + [ONE] * (LAG_FRAMES + 2)
     reader = view.reader_by(FREE)
     for warp in frames(dents):
         surface = reader.follow(warp)
