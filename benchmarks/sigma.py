@@ -227,8 +227,8 @@ class Bench:
         inner = self.rest.grid.inner
         scale = np.where(surface.valid[inner], self.reader.scale, np.nan)
         of_anchor = np.where(surface.anchor.mask[inner], scale, np.nan)
-        error_mm = surface.depth_mm - mirror.depth(surface.x_mm, surface.y_mm)
-        constant_mm = np.nansum(of_anchor * error_mm[inner]) / np.nansum(of_anchor**2)
+        error_mm = (surface.depth_mm - mirror.depth(surface.x_mm, surface.y_mm))[inner]
+        constant_mm = np.nansum(of_anchor * error_mm) / np.nansum(of_anchor**2)
         out = np.full(surface.depth_mm.shape, np.nan)
         out[inner] = surface.depth_mm[inner] - constant_mm * scale
         return out
@@ -249,8 +249,7 @@ class Bench:
         sensor = ResidualSensor.from_rig(rig, self.rest.grid, Target.from_spec(rig.target).light)
         chip = Sensor(rig)
         light, shown = self.exposed(case)
-        q, trusted = self.warp(case.press_mm), self.rest.visible
-        known = expect(shown, q, trusted, self.rest)
+        known = expect(shown, self.warp(case.press_mm), self.rest.visible, self.rest)
         guess = known.residual_px
         if shown.mixture is not None and shown.mixture.bias_px is not None:
             guess = known.residual_px + shown.mixture.bias_px

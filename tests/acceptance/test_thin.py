@@ -20,5 +20,5 @@ def test_a_sudden_wide_pad_is_nulled_and_read_within_its_sigma():
     assert len(steps) > 5
     # each tooth is seen whole periods off before its seams are joined; a wrong period is 20 % of the depth
     assert max(ratio for *_, ratio in found) < 3.0
-    # nothing in the view is at rest: once it is learned what presses, that leaves some percent open, and says so
+    # nothing in the view is at rest: when it is learned what presses, that leaves some percent open
     assert max(sigma for _, sigma, _ in found[-5:]) < 0.07 * depth_mm

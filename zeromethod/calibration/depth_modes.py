@@ -32,7 +32,7 @@ _X_SHARES, _Y_SHARES = (0.2, 0.5, 0.8), (0.25, 0.5, 0.75)
 """Where the regions' middles lie in what is seen of the mirror."""
 _X_NAMES, _Y_NAMES = ("near P0", "middle", "near R0"), ("low y", "mid y", "high y")
 _WIDTH_SHARE, _DEPTH_OVER_WIDTH = 0.07, 0.028
-"""Width of the reference load over what is seen of the mirror; its depth over its width: slopes of 12 mrad."""
+"""Width of the reference load over what is seen of the mirror; its depth over its width: 12 mrad at most."""
 SIGMA_PX = 0.02
 """Standard deviation of a node of a rest map, LCD px."""
 _LEAST_NODES = 64

@@ -56,7 +56,7 @@ class BlockReader:
 
 
 def _change(values: Float, there: Mask, axis: int) -> Float:
-    """Change of values (rows, cols, n) per node along an axis, by those of a node's neighbours that are there."""
+    """Change of values (rows, cols, n) per node along an axis, by neighbours that are there."""
     step = np.diff(values, axis=axis)
     known = np.diff(there.astype(np.int8), axis=axis) == 0
     known &= there[1:] if axis == 0 else there[:, 1:]

@@ -106,7 +106,7 @@ class KeptConstant:
         kept = self._kept
         assert kept is not None
         urgent = not kept.explains(chi2)
-        # a press waits neither for what is learned of a change of noise, nor for what such changes are allowed
+        # a press waits neither for what is learned of noise, nor for what changes of noise are allowed
         waits = self._due >= self._frame and (self._urgent or not urgent)
         if once and not waits and kept.changed(chi2) and (self._allowed >= 1.0 or urgent):
             self._allowed = max(self._allowed - 1.0, 0.0)

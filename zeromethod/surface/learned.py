@@ -58,9 +58,9 @@ class Fit:
 class OfBody:
     """The constant as one body has it, its variance, mm^2, and that body's evidence, nats.
 
-    variances: (loads,) of all loads; weak_shares: of loads too weak to be found one by one, as `Posterior` has
-    them. outside: what presses outside the view. others: as bodies have it that are one standard deviation
-    away.
+    variances: (loads,) of all loads; weak_shares: of loads too weak to be found one by one, as `Posterior`
+    has them. outside: what presses outside the view. others: as bodies have it that are one standard
+    deviation away.
     """
 
     constant: Linear

@@ -17,7 +17,7 @@ from zeromethod.arrays import Float, Ints, Mask
 _SHORTER = 15
 """Blocks along the lattice's shorter side: what presses is told apart by fields of the view's size."""
 _MOST = 450
-"""Blocks in all, of a lattice that is longer than twice its width: learning takes the cube of their number."""
+"""Blocks in all, of a lattice longer than twice its width: learning takes the cube of their number."""
 _LEAST_SHARE = 0.5
 """Share of a block's nodes below which it is left out: its mean would be that of a plane through few."""
 _FLAT = 1e-9
