@@ -239,7 +239,7 @@ class Bench:
         scale = np.where(surface.valid[inner], self.reader.scale, np.nan)
         anchor_mm = np.full(surface.depth_mm.shape, np.nan)
         anchor_mm[inner] = surface.anchor.sigma_mm * scale / np.sqrt(np.nanmean(scale**2))
-        return np.asarray(np.sqrt(surface.sigma_depth_mm**2 - anchor_mm**2), np.float64)
+        return np.asarray(np.sqrt(surface.sigma_depth_mm**2 - anchor_mm**2))
 
     def draws(self, case: Case, count: int = DRAWS) -> Draws:
         """Draw the noise `count` times."""
