@@ -21,7 +21,7 @@ def small_rig(folder: Path) -> Path:
 
 def test_a_press_is_nulled_read_recorded_and_drawn(tmp_path):
     path, figure, summary = (tmp_path / name for name in ("run.h5", "run.png", "run.json"))
-    line = "run --scenario step --frames 36 --rig"
+    line = "run --scenario step --frames 64 --rig"
     files = ("--record", path, "--figure", figure, "--summary", summary)
     code, out, err = run(line, small_rig(tmp_path), *files)
     assert (code, err) == (0, "")
@@ -40,7 +40,7 @@ def test_a_press_is_nulled_read_recorded_and_drawn(tmp_path):
     with Recording(path) as recording:
         assert recording.complete
         frames = recording.steps[recording.steps["frame_number"] >= 0]
-        assert len(frames) == figures["frames"] == 36
+        assert len(frames) == figures["frames"] == 64
         held = recording.steps["number"][recording.steps["phase"] == b"hold"]
         in_hold = recording.peaks["depth_mm"][np.isin(recording.peaks["step"], held)]
         # the summary's peak is the median over the nulled frames of the hold
