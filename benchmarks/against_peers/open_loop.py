@@ -93,8 +93,8 @@ BINNING, QUICK_BINNING = 2, 4
 FRAMES = 4
 """Frames read per depth, the last of those that the press is held for; each is a reading of its own."""
 _HELD_FRAMES: dict[Method, int] = {"open": FRAMES + 16, "null": FRAMES + 20}
-"""After a jump one exposure sees two mirrors; what presses is learned 12 frames later. The null is locked after
-8 frames, at the end of total reflection after a few more."""
+"""After a jump one exposure sees two mirrors; what presses is learned 12 frames later. The null is locked
+after 8 frames, at the end of total reflection after a few more."""
 _ZERO_FRAMES = 24
 """Frames that the mirror rests for before all else; all that can be read make the zero."""
 
