@@ -121,7 +121,7 @@ class LoadConstant:
         starts = [None] * len(self._dents) if before is None else before.bodies
         found = []
         for (dents, others), start in zip(self._dents, starts, strict=True):
-            found.append(view.of_body(dents, others, start, again or start is None))
+            found.append(view.of_body(dents, others, start, again))
         if before is not None and not again:
             return replace(before, bodies=tuple(found), used=read.used)
         best = max(found, key=lambda body: body.evidence)
@@ -201,14 +201,13 @@ class _View:
         data = self._white(dents, _MODEL**2)
         if again or start is None:
             data, variances = self._learned(dents, data, None if start is None else start.variances)
-            shares = None
-        else:
-            variances, shares = start.variances, start.weak_shares
-        spread = spread_variances(variances, dents.loads)
-        found = self._posterior(data, spread, variances, shares)
-        if again or start is None:
+            spread = spread_variances(variances, dents.loads)
+            found = self._posterior(data, spread, variances, None)
             outside = self._outside(data, found.fit.root, spread, dents.loads)
         else:
+            variances = start.variances
+            spread = spread_variances(variances, dents.loads)
+            found = self._posterior(data, spread, variances, start.weak_shares)
             outside = start.outside
         beside = (self._white(other, data.error2) for other in others)
         moved = tuple(self._posterior(one, spread, variances, found.weak_shares).constant for one in beside)
