@@ -35,6 +35,9 @@ def test_a_press_is_nulled_read_recorded_and_drawn(tmp_path):
     assert figures["truth"]["depth_peak_mm"] == pytest.approx(0.2, rel=1e-6)
     # A quarter of the camera's resolution: the bar of the full rig (0.3 %) widened by the node's size.
     assert figures["depth_peak_mm"] == pytest.approx(0.2, rel=0.01)
+    # the worst frame is one before it was learned what presses
+    truth = figures["truth"]
+    assert abs(truth["depth_peak_error_percent"]) < 3 * truth["depth_peak_error_sigma_percent"]
     assert figure.read_bytes().startswith(b"\x89PNG")
     assert figures["recording_trouble"] == ""
     with Recording(path) as recording:

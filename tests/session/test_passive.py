@@ -53,6 +53,8 @@ def test_the_picture_stays_and_depth_is_within_its_sigma(kept, passive):
     # when it is learned what presses
     late_percent = 100 * (np.mean([step.peak.depth_mm for step in steps[-4:]]) / 0.2 - 1)
     assert -1.5 * hidden_percent < late_percent < 0.0
+    # frames before that are in the mean, and in it alone
+    assert truth["depth_peak_error_mean_percent"] < late_percent
     assert abs(truth["depth_peak_error_percent"]) < 3 * truth["depth_peak_error_sigma_percent"]
     assert figures["not_nulled"] is None
     assert figures["state"] == "passive"
