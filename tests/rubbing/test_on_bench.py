@@ -74,11 +74,6 @@ def test_nothing_rubs_before_it_touches(run):
     assert all(one is None for one in statuses(run, 0, 0.255))
 
 
-@pytest.mark.xfail(
-    strict=True,
-    raises=AssertionError,
-    reason="until the constant is learned, forces are 3 to 6 sigma small (limits.md)",
-)
 def test_share_force_and_pitch_are_the_true_ones(run):
     held = statuses(run, HELD_S + 0.1, SLIP_S)
     assert all(one.pitch_mm == pytest.approx(PITCH_MM, rel=0.02) for one in held)

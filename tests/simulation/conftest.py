@@ -5,7 +5,8 @@ from typing import Any
 
 import pytest
 
-from zeromethod import Rig, binned, load_rig
+from zeromethod import InputError, Rig, binned, load_rig
+from zeromethod.simulation.scenario import load_scenario
 
 MakeRig = Callable[..., Rig]
 
@@ -23,3 +24,20 @@ def make_rig() -> MakeRig:
         return base.replace(changes | {"scenario": press, "simulation.faults": faults or None})
 
     return make
+
+
+@pytest.fixture
+def refusal(tmp_path) -> Callable[[str], str]:
+    """The line by which a press file of a text is refused, behind the file's name."""
+
+    def line(text: str) -> str:
+        file = tmp_path / "mine.toml"
+        file.write_text(text)
+        with pytest.raises(InputError) as caught:
+            load_scenario(file)
+        start, message = str(caught.value).split(": ", 1)
+        assert start == str(file)
+        assert "\n" not in message
+        return message
+
+    return line

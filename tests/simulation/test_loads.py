@@ -212,13 +212,8 @@ DEPTH = PRESS.replace("AMOUNT", "depth_mm = 0.3")
         ),
     ],
 )
-def test_bad_loads_are_refused_in_one_line(tmp_path, text, message):
-    file = tmp_path / "mine.toml"
-    file.write_text(text)
-    with pytest.raises(InputError) as caught:
-        load_scenario(file)
-    assert str(caught.value).startswith(f"{file}: {message}")
-    assert "\n" not in str(caught.value)
+def test_bad_loads_are_refused_in_one_line(refusal, text, message):
+    assert refusal(text).startswith(message)
 
 
 def test_a_press_file_presses_loads_by_force_on_the_rigs_rubber(tmp_path):

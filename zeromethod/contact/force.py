@@ -86,17 +86,19 @@ class ForceReader:
         if fit is None or math.isnan(self._yielding.modulus_mpa):
             return contacts[:named], TotalForce()
         arms = np.pi * self._yielding.modulus_mpa * fit.arms
-        found = tuple(self._with(contact, fit, arm) for contact, arm in zip(contacts, arms, strict=True))
-        total, sigma = _summed(fit, arms[:, 0].sum(axis=0)[None])
+        constant_mm = surface.anchor.sigma_mm
+        pairs = zip(contacts, arms, strict=True)
+        found = tuple(self._with(contact, fit, arm, constant_mm) for contact, arm in pairs)
+        total, sigma = _summed(fit, arms[:, 0].sum(axis=0)[None], constant_mm)
         middle = np.mean([(contact.x_mm, contact.y_mm) for contact in contacts], axis=0)
         pulls = (_PULLS * one.force_n for one in found if one.force_n < 0)
         return found[:named], TotalForce(
             float(total[0]), math.hypot(sigma[0], self._open(*middle) * total[0], *pulls)
         )
 
-    def _with(self, contact: Contact, fit: ForceFit, arms: Float) -> Contact:
+    def _with(self, contact: Contact, fit: ForceFit, arms: Float, constant_mm: float) -> Contact:
         """The contact with its force and torques and their sigmas; arms (3, n)."""
-        values, sigmas = _summed(fit, arms)
+        values, sigmas = _summed(fit, arms, constant_mm)
         sigmas = np.hypot(sigmas, self._open(contact.x_mm, contact.y_mm) * values)
         if values[0] < 0:
             sigmas[0] = math.hypot(sigmas[0], _PULLS * values[0])
@@ -126,6 +128,10 @@ class ForceReader:
         return float(np.hypot(known, np.sqrt(((depth[:, 0] + stretch) ** 2).sum())))
 
 
-def _summed(fit: ForceFit, arms: Float) -> tuple[Float, Float]:
-    """Sums (m,) of shares times arms (m, n), and their standard deviations."""
-    return arms @ fit.mean, np.sqrt(np.einsum("mt,tu,mu->m", arms, fit.spread, arms))
+def _summed(fit: ForceFit, arms: Float, constant_mm: float) -> tuple[Float, Float]:
+    """Sums (m,) of shares times arms (m, n), and their standard deviations.
+
+    constant_mm: standard deviation of depth's constant.
+    """
+    noise = np.sqrt(np.einsum("mt,tu,mu->m", arms, fit.spread, arms))
+    return arms @ fit.mean, np.hypot(noise, constant_mm * (arms @ fit.by_constant))

@@ -75,11 +75,13 @@ class Overlap:
 class ForceFit:
     """Shares of all contacts' pressures by the slopes of a surface, and of those read after it.
 
-    mean: (t,) shares, then a tilt; spread: (t, t) their covariance. arms: (contacts, 3, t) net force, and
-    torques about x and y, of each share, over pi E*. loads: pressures of each contact. slopes: (2 n,) of the
-    blocks that the fit was made of; terms: (2 n, t) of them by each share; weight: (2 n,) 1 / their sigma;
-    open_slopes: (2 n,) what is open of them all together, by the body; None where nothing is. blocks: where.
-    alone: (nodes,) those that stand alone, counted along rows; depths: (nodes, t - 2) there by each share.
+    mean: (t,) shares, then a tilt; spread: (t, t) their covariance. by_constant: (t,) their change by an
+    error of depth's constant, 1/mm; not in spread, as what is known of the constant changes while a fit
+    serves. arms: (contacts, 3, t) net force, and torques about x and y, of each share, over pi E*. loads:
+    pressures of each contact. slopes: (2 n,) of the blocks that the fit was made of; terms: (2 n, t) of them
+    by each share; weight: (2 n,) 1 / their sigma; open_slopes: (2 n,) what is open of them all together, by
+    the body; None where nothing is. blocks: where. alone: (nodes,) those that stand alone, counted along
+    rows; depths: (nodes, t - 2) there by each share.
     """
 
     def __init__(
@@ -144,6 +146,8 @@ class ForceFit:
         self._used, self._inverse = last, inverse
         self._kept = np.einsum("tu,uv->tv", inverse, normal)
         self._limit = _DOUBTED * usual / by_own
+        _, by_constant = load_fields.normal_equations(self.terms, self.blocks.by_constant.ravel(), last)
+        self.by_constant = inverse @ by_constant
         self.weight = last / usual
 
     def _allow_for(self, yielding: Yielding, at_mm: Float) -> None:

@@ -32,7 +32,8 @@ _AROUND = np.ones((3, 3), np.uint8)
 class SlopeBlocks:
     """Which nodes make a block, and what is known of its mean slope.
 
-    slope: (n, 2) when the blocks were made, and its variance (n, 2) by noise of nodes that is independent.
+    slope: (n, 2) when the blocks were made, and its variance (n, 2) by noise of nodes that is independent;
+    by_constant: (n, 2) its change, 1/mm, by an error of depth's constant.
     rim: (n,) relative error that rims of unread nodes leave open. nodes: (n,) of each block. at_mm,
     spread_mm2: (n, 2) its middle, and the variance of its nodes' places along x and y. block, weight: (rows,
     cols) to which block a node counts, -1 for none, and how much.
@@ -40,6 +41,7 @@ class SlopeBlocks:
 
     slope: Float
     variance: Float
+    by_constant: Float
     rim: Float
     nodes: Float
     at_mm: Float
@@ -53,14 +55,17 @@ class SlopeBlocks:
         middles = np.array([(c.x_mm, c.y_mm, c.major_mm / 2, c.minor_mm / 2 + _NEAR_MM) for c in contacts])
         whole = surface.valid | ~surface.on_mirror
         away = np.asarray(cv2.distanceTransform(whole.view(np.uint8), cv2.DIST_L2, 3), np.float32)
+        usable, of_constant = _usable(surface), surface.slope_by_constant
         block, weight, sums = _summed(
-            surface.slope, surface.sigma_slope, surface.x_mm, surface.y_mm, _usable(surface), away, middles,
-            LARGEST,
-        )  # fmt: skip
+            surface.slope, surface.sigma_slope, surface.x_mm, surface.y_mm, usable, away, middles, LARGEST
+        )
         mean, nodes = sums[:, 1:-1] / sums[:, :1], sums[:, -1]
         spread = np.where(nodes[:, None] > 1, np.maximum(mean[:, 2:4] - mean[:, :2] ** 2, 0.0), 0.0)
         variance = mean[:, 6:8] / sums[:, :1]
-        return cls(mean[:, 4:6], variance, mean[:, 8], nodes, mean[:, :2].copy(), spread, block, weight)
+        of_constant = np.zeros_like(surface.slope) if of_constant is None else of_constant
+        by_constant, _ = _means(of_constant, usable, block, weight, len(nodes))
+        at_mm = mean[:, :2].copy()
+        return cls(mean[:, 4:6], variance, by_constant, mean[:, 8], nodes, at_mm, spread, block, weight)
 
     def alone(self) -> NDArray[np.int64]:
         """(blocks of one node,) which nodes they are, counted along rows."""

@@ -129,6 +129,7 @@ class SurfaceReader:
         self._fold_per_mm = fold_per_mm(self._rest_bending, grid.spacing_px, sensitivity, point, regular)
         self._lever = Lever(self._rays, sensitivity)
         self._scale, self._scale_gradient = depth_scale(self._rays, regular, slope, point)
+        self._by_constant = grid.padded(self._scale_gradient, 0.0)
         self._integrator = SlopeIntegrator(point[..., 0], point[..., 1], self._scale)
         correlation = overlap_correlation(grid.period_px, grid.spacing_px)
         shape = self._scale, self._scale_gradient, regular, correlation
@@ -320,6 +321,7 @@ class SurfaceReader:
             curl=curl,
             fold_per_mm=self._fold_per_mm,
             seam=None if seam is None else seam.nodes,
+            slope_by_constant=self._by_constant,
         )
         self._before = (None if self._last is None else self._last.surface), self._before[0]
         self._last = None

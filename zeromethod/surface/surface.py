@@ -99,6 +99,9 @@ class Surface:
     seam : (rows, cols) bool, optional
         Of a saw: nodes whose window touches a seam between teeth. Those that are valid were not measured:
         their slope is carried across from both sides.
+    slope_by_constant : (rows, cols, 2), optional
+        Change of slope, 1/mm, by an error of depth's constant: all slopes share `anchor.sigma_mm` times it,
+        which `sigma_slope` does not have.
 
     Notes
     -----
@@ -124,6 +127,7 @@ class Surface:
     sigma_y_mm: Float = field(default_factory=lambda: np.zeros((0, 0)))
     fold_per_mm: float = 0.0
     seam: Mask | None = None
+    slope_by_constant: Float | None = None
 
     def __post_init__(self) -> None:
         """Continue the mirror points where no ray meets the mirror."""

@@ -1,5 +1,7 @@
 """The kernel of a rig's prism: between its points, under finer elements, scaled, kept in a file."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.special import ive
@@ -26,11 +28,8 @@ COARSE = 0.5
 BALL = Held(Solid(Form.BALL, 40.0), 42.0, 0.0, depth_mm=0.02)
 
 
-def held(refined: float = COARSE, supports: FaceSupports = RUBBER.support) -> HeldPrism:
-    found = HeldPrism.of(PRISM, supports, 0.49)
-    return HeldPrism(
-        *(getattr(found, key) for key in found.__dataclass_fields__ if key != "refined"), refined
-    )
+def held(refined: float = COARSE, supports: FaceSupports = RUBBER.support, prism: Prism = PRISM) -> HeldPrism:
+    return replace(HeldPrism.of(prism, supports, 0.49), refined=refined)
 
 
 @pytest.fixture(scope="module")
@@ -108,11 +107,7 @@ def test_a_sticking_ball_pulls_on_the_body_too(kernels, monkeypatch):
 def test_a_prism_twice_as_large_adds_half_as_much(kernels):
     large = PRISM.model_copy(update={"pattern_length_mm": 120.0, "width_mm": 120.0})
     at = np.array([[42.0, 30.0], [0.0, 8.0]])
-    found = HeldPrism.of(large, RUBBER.support, 0.49)
-    body = HeldPrism(
-        *(getattr(found, key) for key in found.__dataclass_fields__ if key != "refined"), COARSE
-    ).body
-    exact = mirror_response(body, 2 * at, 2 * at)
+    exact = mirror_response(held(prism=large).body, 2 * at, 2 * at)
     np.testing.assert_allclose(kernels[COARSE].between(at, at), 2 * exact, atol=0.02 * np.abs(exact).max())
 
 
