@@ -60,7 +60,7 @@ class Window:
         nodes = usable & step.measured.valid
         self.measured.append(_mean_square(step.measured.q, true_q, nodes))
         self.commanded.append(_mean_square(step.commanded.q, true_q, usable))
-        surface = reader.read(step.measured)
+        surface = reader.follow(step.measured)
         self.peaks_mm.append(peak(surface).depth_mm)
         truth = bench.truth(step.time_ns).depth(surface.x_mm[nodes], surface.y_mm[nodes])
         error = (surface.depth_mm[nodes] - truth)[surface.valid[nodes]]

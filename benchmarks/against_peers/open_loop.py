@@ -302,17 +302,20 @@ class _Reader:
             self._shift = optics.rest_map(*grid.mesh()) - q_rest
         self._reader = SurfaceReader(staircase.believed, optics, grid)
 
-    def compare(self, warp: Warp, mirror: TrueMirror) -> Comparison:
-        """Errors of the depth read from `warp`, against the true mirror by the true rays."""
+    def compare(self, warps: Sequence[Warp], mirror: TrueMirror) -> list[Comparison]:
+        """Errors of the depth read from warps of one mirror, against it by the true rays."""
         if self._shift is not None:
-            warp = replace(warp, q=warp.q + self._shift)
-        return compare(self._reader.read(warp), mirror, self.staircase.truth, self.staircase.grid)
+            warps = [replace(warp, q=warp.q + self._shift) for warp in warps]
+        found, surface = [], None
+        for warp in warps:
+            surface = self._reader.read(warp, surface)
+            found.append(compare(surface, mirror, self.staircase.truth, self.staircase.grid))
+        return found
 
 
 def _row(reader: _Reader, reading: _Reading) -> dict[str, Any]:
     mirror = reading.mirror if reading.depth_mm else AT_REST
-    compared = [reader.compare(warp, mirror) for warp in reading.warps]
-    compared = [one for one in compared if np.isfinite(one.depth_rms_error_um)]
+    compared = [one for one in reader.compare(reading.warps, mirror) if np.isfinite(one.depth_rms_error_um)]
     row: dict[str, Any] = {
         "depth_mm": reading.depth_mm,
         "frames": len(compared),

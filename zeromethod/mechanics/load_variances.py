@@ -18,7 +18,9 @@ COST = 2.0
 """Nats that another load must gain besides: of neighbours in place and width some seven look nearly alike."""
 _GAIN = 0.1
 """Nats below which a change is not worth its time."""
-_MOST_ROUNDS = 100
+_MOST_ROUNDS = 40
+"""More than nearly all readings need that loads explain (`benchmarks.anchors`); where they do not, as beside
+dirt, rounds would go on and on, and what is left counts as the model's error."""
 _AT_ONCE, _ALIKE = 24, 0.3
 """Loads of which those apart are added together; largest cosine between what two of these look like."""
 _NONE = 1e30

@@ -318,7 +318,7 @@ class Session:
         if self._truth is not None and step.phase == "untouched":
             # the filter's noise, once it has settled: making its reader takes as long as 20 frames
             if self.result.before is not None:
-                filtered = self._filtered_reader.read(step.filtered)
+                filtered = self._filtered_reader.follow(step.filtered)
                 read["untouched_rms_nm"] = (rms_nm(surface), rms_nm(filtered))
         elif self._truth is not None and (self._scenario is None or step.phase in COMPARED_PHASES):
             read["truth"] = compare(surface, self._truth(step.time_ns), self._optics, self._grid, deepest)
