@@ -290,7 +290,7 @@ class _Reader:
     """Reads warps to depth relative to the zero, as `zero` says."""
 
     def __init__(self, staircase: _Staircase, rest: _Reading, zero: Zero) -> None:
-        self._shift: Float | None = None
+        self._shift: Float | float = 0.0
         self.staircase = staircase
         if not rest.warps:
             raise MeasurementError("the mirror at rest could not be read")
@@ -304,11 +304,9 @@ class _Reader:
 
     def compare(self, warps: Sequence[Warp], mirror: TrueMirror) -> list[Comparison]:
         """Errors of the depth read from warps of one mirror, against it by the true rays."""
-        if self._shift is not None:
-            warps = [replace(warp, q=warp.q + self._shift) for warp in warps]
         found, surface = [], None
         for warp in warps:
-            surface = self._reader.read(warp, surface)
+            surface = self._reader.read(replace(warp, q=warp.q + self._shift), surface)
             found.append(compare(surface, mirror, self.staircase.truth, self.staircase.grid))
         return found
 
