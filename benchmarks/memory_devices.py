@@ -208,18 +208,10 @@ class Noted:
 class Drawn(PatternRenderer):
     """Draws as well."""
 
-    def render(
-        self,
-        display: Any,
-        q: Float,
-        code: int | None = None,
-        coded: Coded | None = None,
-        lamp: Mask | None = None,
-        shift: tuple[float, float] = (0.0, 0.0),
-    ) -> None:
+    def render(self, display: Any, q: Float, code: int | None = None, *others: Any, **named: Any) -> None:
         """Draw the picture."""
         display.noted = q, code
-        super().render(display.framebuffer, q, code, coded, lamp, shift)
+        super().render(display.framebuffer, q, code, *others, **named)
 
 
 class FastClock:
