@@ -208,10 +208,18 @@ class Noted:
 class Drawn(PatternRenderer):
     """Draws as well."""
 
-    def render(self, display: Any, q: Float, code: int | None = None, *others: Any, **named: Any) -> None:
+    def render(
+        self,
+        display: Any,
+        q: Float,
+        code: int | None = None,
+        coded: Coded | None = None,
+        lamp: Mask | None = None,
+        shift: tuple[float, float] = (0.0, 0.0),
+    ) -> None:
         """Draw the picture."""
         display.noted = q, code
-        super().render(display.framebuffer, q, code, *others, **named)
+        super().render(display.framebuffer, q, code, coded, lamp, shift)
 
 
 class FastClock:

@@ -302,13 +302,12 @@ class _Reader:
             self._shift = optics.rest_map(*grid.mesh()) - q_rest
         self._reader = SurfaceReader(staircase.believed, optics, grid)
 
-    def compare(self, warps: Sequence[Warp], mirror: TrueMirror) -> list[Comparison]:
+    def compare(self, warps: Sequence[Warp], mirror: TrueMirror) -> Iterator[Comparison]:
         """Errors of the depth read from warps of one mirror, against it by the true rays."""
-        found, surface = [], None
+        surface = None
         for warp in warps:
             surface = self._reader.read(replace(warp, q=warp.q + self._shift), surface)
-            found.append(compare(surface, mirror, self.staircase.truth, self.staircase.grid))
-        return found
+            yield compare(surface, mirror, self.staircase.truth, self.staircase.grid)
 
 
 def _row(reader: _Reader, reading: _Reading) -> dict[str, Any]:
