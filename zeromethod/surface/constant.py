@@ -8,8 +8,8 @@ m_j = w.(f_j / h), C is no unknown of its own, C = a0 - m.p, and means over bloc
     z = y - a0 grad h = sum over j of (grad f_j - m_j grad h) p_j + noise.
 
 Which loads press is learned (`mechanics.load_variances`); then C is linear in slopes and ring, and its
-weights serve many frames. Wanted is the mean over the view: the noise of the ring's mean against it counts as
-well.
+weights serve many frames. Depth's mean over the view is what is reported: noise of the ring's mean against it
+goes into sigma as well.
 """
 
 from __future__ import annotations
@@ -42,11 +42,11 @@ _RING = 0.2
 _LEAST_RING = 16
 """Blocks of the ring below which all of the view serves as the ring."""
 _MODEL, _MOST_MODEL = 1e-3, 0.1
-"""Error of dents' slopes over the slope: at least (blocks, shifts), and where the constant is far off."""
+"""Error of dents' slopes over the slope: at least (blocks, shifts of nodes), and at most."""
 _UNEVEN = 0.04
 """Part of the noise that blocks do not share: the carrier changes correlations as much (`warp.overlap`)."""
-_MOSTLY = 0.25
-"""Share of all that presses below which what presses outside the view may be errors of dents inside it."""
+_LEAST_OUTSIDE = 0.25
+"""Share of all that presses below which pressure outside the view may come of errors of dents inside it."""
 _STEEP = 10.0
 """Slope over noise from which a block says how large that error is."""
 Bodies = tuple[tuple[PossibleDents, tuple[PossibleDents, ...]], ...]
@@ -128,7 +128,7 @@ class LoadConstant:
         return Learned(tuple(found), read.used, best.fit.chi2(read, read.used))
 
     def open(self, read: BlockReadings) -> tuple[float, float]:
-        """(constant, its standard deviation), mm, where no body is known: the ring is taken as at rest.
+        """(constant, its standard deviation), mm, where nothing serves: the ring is taken as at rest.
 
         It is as deep as its slopes make it over half of the view.
         """
@@ -139,7 +139,7 @@ class LoadConstant:
         return constant_mm, 0.5 * extent_mm * float(np.sqrt(ring @ steep2))
 
     def open_constant(self, read: BlockReadings, other: BlockReadings) -> float:
-        """That constant of other values in the ring of a reading."""
+        """`open`'s constant of other values, by the ring's weights of a reading."""
         return float(self._ring(read) @ other.ratio)
 
     def _ring(self, read: BlockReadings) -> Float:
@@ -198,7 +198,7 @@ class _View:
         self, dents: PossibleDents, others: Sequence[PossibleDents], start: OfBody | None, again: bool
     ) -> OfBody:
         """The constant by the loads that are learned for this body, and for these by the bodies beside it."""
-        data = self._white(dents, _MODEL**2)
+        data = self._white(dents, _MODEL**2 if again or start is None else start.error2)
         if again or start is None:
             data, variances = self._learned(dents, data, None if start is None else start.variances)
             spread = spread_variances(variances, dents.loads)
@@ -225,7 +225,9 @@ class _View:
         total = float(pressed.sum())
         sigma = float(np.sqrt(max(gamma @ q**2 - over[:, 0] @ over[:, 0], 0.0)))
         x, y = middle = pressed @ place / (total or 1.0)
-        seen = ((middle >= low) & (middle <= high)).all() or total < _MOSTLY * float(depths @ loads.q_mm2)
+        seen = ((middle >= low) & (middle <= high)).all() or total < _LEAST_OUTSIDE * float(
+            depths @ loads.q_mm2
+        )
         return None if seen else Outside(x, y, total, sigma)
 
     def _white(self, dents: PossibleDents, error2: float) -> _White:
@@ -243,7 +245,7 @@ class _View:
         constant = Linear(self._ring * (1.0 + float(a @ self._gradient)), of_slope)
         evidence = found.evidence - of.white.log_size - COST * np.count_nonzero(variances)
         fit = Fit(self._ring, self._of_h[1], of.white, found.root)
-        return OfBody(constant, found.variance, evidence, variances, found.shares, fit)
+        return OfBody(constant, found.variance, evidence, variances, found.shares, of.error2, fit)
 
     def _learned(self, dents: PossibleDents, of: _White, start: Float | None) -> tuple[_White, Float]:
         """The equations, with the error of the dents that is found, and the loads' variances."""

@@ -91,7 +91,7 @@ class KeptConstant:
                 self._kept = learning()(self._kept, again=False)
             chi2 = self._kept.chi2_of(blocks)
             self._learn_beside(chi2, learning, first and last)
-            if not self._kept.explains(chi2):
+            if not self._kept.serves(chi2):
                 return Constant(*constant.open(blocks), false_constant)
             return Constant(*self._kept.of(blocks, chi2), false_constant)
         if self._kept is None or abs(step_mm) > _SAME_MM or not alike or (first and last):
@@ -105,7 +105,7 @@ class KeptConstant:
         """Learn in the thread, where that is worth its time and allowed."""
         kept = self._kept
         assert kept is not None
-        urgent = not kept.explains(chi2)
+        urgent = not kept.serves(chi2)
         # a press waits neither for what is learned of noise, nor for what changes of noise are allowed
         waits = self._due >= self._frame and (self._urgent or not urgent)
         if once and not waits and kept.changed(chi2) and (self._allowed >= 1.0 or urgent):

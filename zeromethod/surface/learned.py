@@ -18,9 +18,10 @@ _SIGMAS = 3.0
 """Standard deviations of chi2 from which it is worth learning again."""
 _SURE = 5.0
 """Standard deviations from which something presses outside the view."""
-_CHANGED = 200.0
+_SERVES = 200.0
 """Chi2 over the data's number up to which weights learned from one press serve another, their variance times
-that: 25 where a dent has moved 6 mm or another presses beside it, 500 where one twice as wide does."""
+it. It is 25 where a dent has moved 6 mm or another presses beside it; 500, too much, where one twice as wide
+does."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,8 +60,8 @@ class OfBody:
     """The constant as one body has it, its variance, mm^2, and that body's evidence, nats.
 
     variances: (loads,) of all loads; weak_shares: of loads too weak to be found one by one, as `Posterior`
-    has them. outside: what presses outside the view. others: as bodies have it that are one standard
-    deviation away.
+    has them. error2: of the dents' slopes over the slope, squared. outside: what presses outside the view.
+    others: as bodies have it that are one standard deviation away.
     """
 
     constant: Linear
@@ -68,6 +69,7 @@ class OfBody:
     evidence: float
     variances: Float
     weak_shares: Float
+    error2: float
     fit: Fit
     outside: Outside | None = None
     others: tuple[Linear, ...] = ()
@@ -102,21 +104,20 @@ class Learned:
 
     def changed(self, chi2: float) -> bool:
         """Whether it is worth learning again, by a reading's chi2."""
-        return abs(chi2 - self.chi2) > self._noise * self.chi2
+        return abs(chi2 - self.chi2) > self._relative_noise * self.chi2
 
     @property
-    def _noise(self) -> float:
-        """How much of chi2 is noise: two slopes a block."""
+    def _relative_noise(self) -> float:
+        """Three standard deviations of chi2 by noise, relative: two slopes a block."""
         return _SIGMAS / float(np.sqrt(np.count_nonzero(self.used)))
 
-    def explains(self, chi2: float) -> bool:
-        """Whether what was learned is in a reading of this chi2, so that its weights serve."""
-        return chi2 <= (
-            _CHANGED if self.likeliest.variances.any() else (1.0 + self._noise) * max(self.chi2, 1.0)
-        )
+    def serves(self, chi2: float) -> bool:
+        """Whether the weights serve a reading of this chi2."""
+        at_rest = (1.0 + self._relative_noise) * max(self.chi2, 1.0)
+        return chi2 <= (_SERVES if self.likeliest.variances.any() else at_rest)
 
     def of(self, read: BlockReadings, chi2: float) -> tuple[float, float]:
-        """(constant, its standard deviation) of a reading that is explained, mm; chi2: that reading's."""
+        """(constant, its standard deviation) of a reading that this serves, mm; chi2: that reading's."""
         share = np.array([body.evidence for body in self.bodies])
         share = np.exp((share - share.max()) / _UNSURE)
         share /= share.sum()
