@@ -1,6 +1,6 @@
 """Whatever may come: random scenarios, and whether what is called good is within three of its own sigma.
 
-One to three presses at once, each a soft one (load, ball, rod) or a hard object in elastic contact
+One to three presses at once, each a soft one (load, ring, rod) or a hard object in elastic contact
 (ball, punch, cone, rod, finger), 1 um to 1 mm deep, black, grey or white; there at once, or let down over
 some frames, and some slide. Half of the benches have their prism's rubber bonded to its two lower faces, the
 others are half-spaces. Noise of 1 to 4 grey levels; on half of them dust, scratches and bubbles. The packaged
@@ -38,8 +38,7 @@ from zeromethod.simulation.contact.objects import ALBEDO, Form, Solid
 from zeromethod.simulation.contact.path import ObjectPath
 from zeromethod.simulation.load_path import LoadPath
 from zeromethod.simulation.loads import Load
-from zeromethod.simulation.path import PathPoint, PressPath
-from zeromethod.simulation.press import Dent, Shape
+from zeromethod.simulation.path import PathPoint
 from zeromethod.simulation.scenario import Scenario
 
 COUNT, QUICK = 200, 12
@@ -112,12 +111,12 @@ def _solid(draw: np.random.Generator) -> Solid:
     )  # fmt: skip
 
 
-def _soft(draw: np.random.Generator, x_mm: float, y_mm: float, depth_mm: float) -> Dent | Load:
+def _soft(draw: np.random.Generator) -> Load:
     kind, width_mm = int(draw.integers(3)), _size(draw, 1.4, 10.0)
     if kind == 0:
         return Load(loads.Form.LOAD, width_mm)
     if kind == 1:
-        return Dent(Shape.BALL, x_mm, y_mm, depth_mm, _size(draw, 1.0, 6.0) ** 2 / depth_mm)
+        return Load(loads.Form.RING, min(width_mm, 4.0), _size(draw, 1.0, 6.0))
     length_mm, angle_deg = float(draw.uniform(4.0, 12.0)), float(draw.uniform(0.0, 180.0))
     return Load(loads.Form.ROD, min(width_mm, 4.0), length_mm=length_mm, angle_deg=angle_deg)
 
@@ -162,7 +161,6 @@ def case(number: int) -> Case:
     view = View(rig)
     places: list[tuple[float, float]] = []
     names: list[str] = []
-    paths: list[PressPath] = []
     pressing: list[LoadPath] = []
     objects: list[ObjectPath] = []
     for one in range(1 + int(draw.choice(3, p=HOW_MANY))):
@@ -173,12 +171,9 @@ def case(number: int) -> Case:
         places.append((x, y))
         depth_mm = _size(draw, *DEPTHS_MM)
         if draw.uniform() < 0.5:
-            soft, course = _soft(draw, x, y, depth_mm), _course(rig, draw, x, y, depth_mm, slides=True)
-            if isinstance(soft, Load):
-                pressing.append(LoadPath(soft, course))
-            else:
-                paths.append(PressPath(soft, course))
-            names.append(f"{'ball' if isinstance(soft, Dent) else soft.form} {1e3 * depth_mm:.3g} µm")
+            soft, course = _soft(draw), _course(rig, draw, x, y, depth_mm, slides=True)
+            pressing.append(LoadPath(soft, course))
+            names.append(f"{soft.form} {1e3 * depth_mm:.3g} µm")
         else:
             solid = _solid(draw)
             jump = _course(rig, draw, x, y, depth_mm, slides=False)
@@ -187,9 +182,7 @@ def case(number: int) -> Case:
             objects.append(ObjectPath(solid, jump, number=one))
             names.append(f"hard {solid.form.value} {1e3 * depth_mm:.3g} µm")
     words = ", ".join(names) + (", dirt" if dirty else "") + (", prism" if prism else "")
-    scenario = Scenario(
-        "scenario", tuple(paths), 1e9, (), tuple(objects), rig.rubber, rig.prism, loads=tuple(pressing)
-    )
+    scenario = Scenario("scenario", (), 1e9, (), tuple(objects), rig.rubber, rig.prism, loads=tuple(pressing))
     return Case(words, rig, scenario)
 
 

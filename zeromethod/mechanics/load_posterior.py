@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_solve, cholesky
+from scipy.linalg import cho_solve, cholesky, solve_triangular
 
 from zeromethod.arrays import Float
 
@@ -14,20 +14,24 @@ WEAK_MM = (0.0, 1e-5, 1e-4, 1e-3)
 to 1 µm, which would be found."""
 _NONE_WEAK = 0.5
 """How likely it is before anything was seen that there are none; the others share the rest."""
+_EACH = 8
+"""One in so many loads stands for all, where only sums over all of them are asked."""
 
 
 @dataclass(frozen=True)
 class Posterior:
     """Weights (data,) of the data in the sum, the sum's variance, and the evidence in nats.
 
-    shares: of `WEAK_MM`, adding up to 1. root: (data, data) lower root of the data's covariance with the
-    likeliest weak loads.
+    shares: of `WEAK_MM`, adding up to 1. by_others: variance by loads that were not there, all equally likely
+    and deep, for each unit of chi2 that they add. root: (data, data) lower root of the data's covariance
+    with the likeliest weak loads.
     """
 
     weights: Float
     variance: float
     evidence: float
     shares: Float
+    by_others: float
     root: Float
 
 
@@ -72,4 +76,7 @@ def posterior(
     all_shares = np.zeros(len(WEAK_MM))
     all_shares[asked] = share
     whole_evidence = float(evidences.max() + np.log(odds.sum()))
-    return Posterior(share @ weights, variance, whole_evidence, all_shares, roots[int(np.argmax(share))])
+    mean, root = share @ weights, roots[int(np.argmax(share))]
+    seen = solve_triangular(root, phi[:, ::_EACH], lower=True, check_finite=False)
+    by_others = float(((of_loads - mean @ phi)[::_EACH] ** 2).sum() / (seen**2).sum())
+    return Posterior(mean, variance, whole_evidence, all_shares, by_others, root)

@@ -34,6 +34,7 @@ def learned_variances(phi: Float, data: Float, loads: Loads, start: Float | None
     """
     gamma = np.zeros(len(loads)) if start is None else start.copy()
     own, met = np.einsum("nj,nj->j", phi, phi), data @ phi
+    own[own == 0.0] = 1.0  # dents that end before the view: nothing is seen of them
     used: Ints = np.flatnonzero(gamma)
     with_used, pressed_by = phi.T @ phi[:, used], _pressure(loads, used)
     for _ in range(_MOST_ROUNDS):

@@ -11,7 +11,7 @@ _RATIO = 1.5
 """Of one width to the next: with 2 the constant's errors are up to twice as large."""
 _NARROWEST, _WIDEST = 0.8, 24.0
 """Widths over the size of a block of nodes: narrower ones look the same from one block to the next."""
-_BEYOND, _FARTHEST = 3.0, 24.0
+_BEYOND, _FARTHEST = 3.0, 48.0
 """How far beyond the view loads lie: over their width, and over the size of a block, at most."""
 
 

@@ -245,7 +245,9 @@ class _View:
         constant = Linear(self._ring * (1.0 + float(a @ self._gradient)), of_slope)
         evidence = found.evidence - of.white.log_size - COST * np.count_nonzero(variances)
         fit = Fit(self._ring, self._of_h[1], of.white, found.root)
-        return OfBody(constant, found.variance, evidence, variances, found.shares, of.error2, fit)
+        return OfBody(
+            constant, found.variance, evidence, variances, found.shares, of.error2, found.by_others, fit
+        )
 
     def _learned(self, dents: PossibleDents, of: _White, start: Float | None) -> tuple[_White, Float]:
         """The equations, with the error of the dents that is found, and the loads' variances."""

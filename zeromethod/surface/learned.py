@@ -19,9 +19,8 @@ _SIGMAS = 3.0
 _SURE = 5.0
 """Standard deviations from which something presses outside the view."""
 _SERVES = 200.0
-"""Chi2 over the data's number up to which weights learned from one press serve another, their variance times
-it. It is 25 where a dent has moved 6 mm or another presses beside it; 500, too much, where one twice as wide
-does."""
+"""Chi2 over the data's number up to which weights learned from one press serve another. It is 25 where a dent
+has moved 6 mm or another presses beside it; 500, too much, where one twice as wide does."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,9 +58,9 @@ class Fit:
 class OfBody:
     """The constant as one body has it, its variance, mm^2, and that body's evidence, nats.
 
-    variances: (loads,) of all loads; weak_shares: of loads too weak to be found one by one, as `Posterior`
-    has them. error2: of the dents' slopes over the slope, squared. outside: what presses outside the view.
-    others: as bodies have it that are one standard deviation away.
+    variances: (loads,) of all loads; weak_shares: of loads too weak to be found one by one, and by_others, as
+    `Posterior` has them. error2: of the dents' slopes over the slope, squared. outside: what presses outside
+    the view. others: as bodies have it that are one standard deviation away.
     """
 
     constant: Linear
@@ -70,6 +69,7 @@ class OfBody:
     variances: Float
     weak_shares: Float
     error2: float
+    by_others: float
     fit: Fit
     outside: Outside | None = None
     others: tuple[Linear, ...] = ()
@@ -111,10 +111,14 @@ class Learned:
         """Three standard deviations of chi2 by noise, relative: two slopes a block."""
         return _SIGMAS / float(np.sqrt(np.count_nonzero(self.used)))
 
+    @property
+    def _alike(self) -> float:
+        """Chi2 up to which nothing but noise differs from what was learned."""
+        return (1.0 + self._relative_noise) * max(self.chi2, 1.0)
+
     def serves(self, chi2: float) -> bool:
         """Whether the weights serve a reading of this chi2."""
-        at_rest = (1.0 + self._relative_noise) * max(self.chi2, 1.0)
-        return chi2 <= (_SERVES if self.likeliest.variances.any() else at_rest)
+        return chi2 <= (_SERVES if self.likeliest.variances.any() else self._alike)
 
     def of(self, read: BlockReadings, chi2: float) -> tuple[float, float]:
         """(constant, its standard deviation) of a reading that this serves, mm; chi2: that reading's."""
@@ -122,8 +126,12 @@ class Learned:
         share = np.exp((share - share.max()) / _UNSURE)
         share /= share.sum()
         values = np.array([body.constant(read) for body in self.bodies])
+        # by what presses that was not there when it was learned
+        more = 2.0 * np.count_nonzero(self.used) * (chi2 - max(self.chi2, 1.0)) * (chi2 > self._alike)
         variances = [
-            max(chi2, 1.0) * body.variance + sum((other(read) - value) ** 2 for other in body.others)
+            max(self.chi2, 1.0) * body.variance
+            + more * body.by_others
+            + sum((other(read) - value) ** 2 for other in body.others)
             for body, value in zip(self.bodies, values, strict=True)
         ]
         mean = float(share @ values)
