@@ -57,6 +57,10 @@ def test_it_is_that_of_all_variables_at_once(seed):
     assert found.variance == pytest.approx(variance, rel=1e-6)
     covariance = np.eye(DATA) + (p.phi * p.gamma) @ p.phi.T
     np.testing.assert_allclose(found.root @ found.root.T, covariance, rtol=1e-9, atol=1e-9)
+    # loads that were not there, 1 mm deep: variance of the sum over what they add to chi2, by each 8th
+    missed, phi = (p.of_loads - weights @ p.phi)[::8], p.phi[:, ::8]
+    chi2 = np.trace(phi.T @ np.linalg.solve(covariance, phi))
+    assert found.by_others == pytest.approx(missed @ missed / chi2, rel=1e-6)
 
 
 @pytest.mark.parametrize("seed", range(5))

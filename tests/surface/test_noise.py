@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.interpolate import RBFInterpolator
+from scipy.linalg import toeplitz
 from surface_bench import Bench, Gauss, Load, small_rig
 
 from zeromethod.rig.model import KnownRest
@@ -41,7 +42,7 @@ def test_covariance_of_slopes_is_that_of_drawn_noise():
     own, other = component_correlation(16, 8, "cosines")
     noise = SlopeNoise(lambda: factor, (factor**2).sum(axis=-1), own, other)
     line = {
-        name: toeplitz(c, n)
+        name: toeplitz(np.pad(c, (0, n))[:n])
         for name, c, n in (("ox", own, 6), ("oy", own, 5), ("px", other, 6), ("py", other, 5))
     }
     R = np.zeros((5, 6, 2, 5, 6, 2))
@@ -53,11 +54,6 @@ def test_covariance_of_slopes_is_that_of_drawn_noise():
     np.testing.assert_allclose(noise.covariance(weights), product, atol=1e-12)
     np.testing.assert_allclose(noise.variance_of(weights), (product * weights).sum(axis=(1, 2, 3)))
     np.testing.assert_allclose(noise.variance, np.einsum("ijaija->ija", C))
-
-
-def toeplitz(correlation, count):
-    lag = np.abs(np.subtract.outer(np.arange(count), np.arange(count)))
-    return np.where(lag < len(correlation), correlation[np.minimum(lag, len(correlation) - 1)], 0.0)
 
 
 def test_a_nodes_own_variance_is_that_of_its_weights_with_holes(small):
