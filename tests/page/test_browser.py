@@ -202,7 +202,8 @@ def test_a_page_whose_run_is_over_says_so_and_shows_nothing_as_live(chromium, ru
     until(opened, "zeromethod.values.state === 'locked'")
     opened.keyboard.press("q")
     opened.click("#ask button[value='yes']")
-    until(opened, "document.body.classList.contains('stale')")
-    assert "the run is over" in opened.inner_text("#banner")
+    # on a busy machine it may say first that nothing comes
+    until(opened, "document.getElementById('banner').innerText.includes('the run is over')")
+    assert opened.evaluate("document.body.classList.contains('stale')")
     opened.close()
     assert run.process.wait(60) == 0
