@@ -42,7 +42,7 @@ from zeromethod.page.message import (
 OPENING_S = 30.0
 """How long the server may take to start."""
 
-CLOSING_S = 2.0
+CLOSING_S = 5.0
 """How long it may take to inform its viewers that the run is over."""
 
 MEMORY_BYTES = 24 << 20

@@ -28,8 +28,8 @@ from zeromethod.page.lcd import LcdPictures
 from zeromethod.page.lines import MOST_LINE_BYTES, LineClient
 from zeromethod.page.message import ANSWER, CONTENT, READY, REFUSED, SAID, Setting
 
-CLOSING_S = 1.0
-"""How long viewers get to learn that the run is over."""
+CLOSING_S = 3.0
+"""How long viewers may take to learn that the run is over; most take a tenth."""
 
 
 class _Refused(Exception):
