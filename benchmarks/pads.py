@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from math import sqrt
 
-from zeromethod.simulation.loads import load, rod
+from zeromethod.rig.tables import Rubber
+from zeromethod.simulation.loads import HALF_SPACE, load, rod
 from zeromethod.simulation.press import Dent
 
 STEEPEST, HOLLOW = 0.503, 0.358
@@ -15,9 +16,9 @@ STEEPEST, HOLLOW = 0.503, 0.358
 curvature of the hollow around, which folds, over depth / sigma^2: the most by which that falls with x."""
 
 
-def pad(x_mm: float, y_mm: float, depth_mm: float, sigma_mm: float) -> Dent:
+def pad(x_mm: float, y_mm: float, depth_mm: float, sigma_mm: float, rubber: Rubber = HALF_SPACE) -> Dent:
     """One load."""
-    return load(x_mm, y_mm, depth_mm, sigma_mm / sqrt(2))
+    return load(x_mm, y_mm, depth_mm, sigma_mm / sqrt(2), rubber)
 
 
 def bar(

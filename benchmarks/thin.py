@@ -106,7 +106,8 @@ def readings(draws: int) -> list[Reading]:
             for off_mm in OFF_SEAM_MM:
                 for _ in range(draws):
                     y_mm = float(rng.uniform(-5.0, 5.0))
-                    dent = Mirror((pad(at_mm + off_mm, y_mm, depth_mm, sigma_mm),))
+                    place = at_mm + off_mm, y_mm
+                    dent = Mirror((pad(*place, depth_mm, sigma_mm, view.rig.rubber),))
                     found.append(_read(view, dent, depth_mm, sigma_mm, off_mm, rng))
                     advance("thin")
     return found
@@ -173,7 +174,7 @@ def _other(bench: Truth, rng: np.random.Generator) -> KnownPress:
     """Any other press, as its exact depth knows it."""
     place, sigma_mm = bench.place(rng.uniform(0.2, 0.8), rng.uniform(0.3, 0.7)), rng.uniform(2.0, 6.0)
     depth_mm = rng.uniform(0.1, 0.25) * FOLD_MM_5 * (sigma_mm / 5.0) ** 2
-    warp = bench.warp(Mirror((pad(*place, depth_mm, sigma_mm),)))
+    warp = bench.warp(Mirror((pad(*place, depth_mm, sigma_mm, bench.rig.rubber),)))
     return KnownPress("other", warp, depth_mm, depth_mm)
 
 
