@@ -58,6 +58,14 @@ def test_a_load_on_a_layer_is_the_readers_layer_by_quadrature(bonded, width_mm, 
         assert mirror.slope(42.0, r)[1] == pytest.approx(slope, abs=1e-6 / width_mm)
 
 
+def test_a_thick_layer_is_a_half_space_near_the_load():
+    thick = Rubber(support="sliding", thickness_mm=3000.0)
+    x = np.linspace(-10.0, 10.0, 21)
+    np.testing.assert_allclose(
+        Mirror((load(0.0, 0.0, 1.0, 2.0, thick),)).depth(x, 0.0), half_space(x, 2.0), atol=1e-3
+    )
+
+
 @pytest.mark.parametrize(("radius_mm", "width_mm"), [(1.0, 1.5), (6.0, 1.5), (6.0, 0.5)])
 def test_a_ring_is_the_mean_of_loads_round_a_circle(radius_mm, width_mm):
     def mean(r):

@@ -112,6 +112,7 @@ class ForceFit:
         open2 = _MODEL**2 * blocks.slope**2 + blocks.rim[:, None] ** 2 * steep2
         own2 = overlap.within(blocks.nodes)[:, None] * blocks.variance + open2
         self._fit((1 / np.sqrt(overlap.whole * blocks.variance + open2)).ravel(), (1 / np.sqrt(own2)).ravel())
+        self.by_constant = self._change_by(blocks.by_constant.ravel())
         self._allow_for(yielding, blocks.at_mm)
         self.arms = np.zeros((len(contacts), 3, len(self.mean)))
         for k, (contact, load) in enumerate(zip(contacts, self.loads, strict=True)):
@@ -146,8 +147,6 @@ class ForceFit:
         self._used, self._inverse = last, inverse
         self._kept = np.einsum("tu,uv->tv", inverse, normal)
         self._limit = _DOUBTED * usual / by_own
-        _, by_constant = load_fields.normal_equations(self.terms, self.blocks.by_constant.ravel(), last)
-        self.by_constant = inverse @ by_constant
         self.weight = last / usual
 
     def _allow_for(self, yielding: Yielding, at_mm: Float) -> None:
@@ -159,9 +158,13 @@ class ForceFit:
                 return
             self.open_slopes = (0.0 if self.open_slopes is None else self.open_slopes) + net * steep.ravel()
         assert self.open_slopes is not None
-        _, right = load_fields.normal_equations(self.terms, self.open_slopes, self._used)
-        change = np.einsum("tu,u->t", self._inverse, right)
+        change = self._change_by(self.open_slopes)
         self.spread += np.outer(change, change)
+
+    def _change_by(self, slopes: Float) -> Float:
+        """Change (t,) of the shares by that of all slopes (2 n,)."""
+        _, right = load_fields.normal_equations(self.terms, slopes, self._used)
+        return np.asarray(np.einsum("tu,u->t", self._inverse, right))
 
     def serves(self, contacts: Sequence[Contact]) -> bool:
         """Whether these contacts lie where those of the fit do."""

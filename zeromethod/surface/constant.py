@@ -198,17 +198,18 @@ class _View:
         self, dents: PossibleDents, others: Sequence[PossibleDents], start: OfBody | None, again: bool
     ) -> OfBody:
         """The constant by the loads that are learned for this body, and for these by the bodies beside it."""
-        data = self._white(dents, _MODEL**2 if again or start is None else start.error2)
-        if again or start is None:
+        kept = None if again else start
+        data = self._white(dents, _MODEL**2 if kept is None else kept.error2)
+        if kept is None:
             data, variances = self._learned(dents, data, None if start is None else start.variances)
             spread = spread_variances(variances, dents.loads)
             found = self._posterior(data, spread, variances, None)
             outside = self._outside(data, found.fit.root, spread, dents.loads)
         else:
-            variances = start.variances
+            variances = kept.variances
             spread = spread_variances(variances, dents.loads)
-            found = self._posterior(data, spread, variances, start.weak_shares)
-            outside = start.outside
+            found = self._posterior(data, spread, variances, kept.weak_shares)
+            outside = kept.outside
         beside = (self._white(other, data.error2) for other in others)
         moved = tuple(self._posterior(one, spread, variances, found.weak_shares).constant for one in beside)
         return replace(found, others=moved, outside=outside)

@@ -112,9 +112,14 @@ class Learned:
         return _SIGMAS / float(np.sqrt(np.count_nonzero(self.used)))
 
     @property
+    def _usual(self) -> float:
+        """Chi2 to be expected of another reading: its own is less where loads were found in noise."""
+        return max(self.chi2, 1.0)
+
+    @property
     def _alike(self) -> float:
         """Chi2 up to which nothing but noise differs from what was learned."""
-        return (1.0 + self._relative_noise) * max(self.chi2, 1.0)
+        return (1.0 + self._relative_noise) * self._usual
 
     def serves(self, chi2: float) -> bool:
         """Whether the weights serve a reading of this chi2."""
@@ -127,9 +132,9 @@ class Learned:
         share /= share.sum()
         values = np.array([body.constant(read) for body in self.bodies])
         # by what presses that was not there when it was learned
-        more = 2.0 * np.count_nonzero(self.used) * (chi2 - max(self.chi2, 1.0)) * (chi2 > self._alike)
+        more = 2.0 * np.count_nonzero(self.used) * (chi2 - self._usual) if chi2 > self._alike else 0.0
         variances = [
-            max(self.chi2, 1.0) * body.variance
+            self._usual * body.variance
             + more * body.by_others
             + sum((other(read) - value) ** 2 for other in body.others)
             for body, value in zip(self.bodies, values, strict=True)
