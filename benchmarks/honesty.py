@@ -155,7 +155,7 @@ def honest(benches: Sequence[tuple[Rig, int | None]], count: int) -> Iterator[Ca
 def middle_press(bench: Rig) -> Dent:
     """A press in the middle of the view, as deep as the bench nulls within the frames before a fault."""
     depth_mm = 0.15 if bench.prism.teeth is None else 0.05
-    return pad(*View(bench).place(0.5, 0.5), depth_mm, 5.0)
+    return pad(*View(bench).place(0.5, 0.5), depth_mm, 5.0, bench.rubber)
 
 
 def turned_by_a_pixel_deg(bench: Rig) -> float:
