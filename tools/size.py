@@ -29,7 +29,7 @@ _UNCOUNTED = {
     *(tokenize.ENCODING, tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE),
     *(tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER),
 }
-_COMPILES = ("jit", "vectorize", "kernel")
+_COMPILES = ("jit", "vectorize", "kernel", "piece")
 
 
 class Size(NamedTuple):

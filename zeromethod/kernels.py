@@ -1,7 +1,7 @@
 """Compiled functions that Python calls, each for one list of types, compiled when its module is imported.
 
 A function is compiled where a profile shows that numpy takes over 0.3 ms a frame longer (`python -m
-benchmarks.kernels`). What only other compiled functions call is a plain `numba.njit` without a signature.
+benchmarks.kernels`). What only other compiled functions call is a `piece`, whose types are its callers'.
 
     @kernel(read(numba.float64, 1), numba.float64[::1])
     def _double(values, doubled):
@@ -20,13 +20,17 @@ from numba import types
 from numba.np.numpy_support import as_dtype
 
 
+piece = numba.njit(cache=True, nogil=True, error_model="numpy")
+"""Decorator of what only other compiled functions call; division by zero is as in numpy."""
+
+
 def read(kind: Any, dimensions: int) -> types.Array:
     """Type of an array that is only read: one that is strided or of another type is copied on its way in."""
     return types.Array(kind, dimensions, "C", readonly=True)
 
 
 class Kernel:
-    """A compiled function; `compiled` is what other compiled functions may call."""
+    """A compiled function that Python calls."""
 
     def __init__(
         self, function: Callable[..., Any], arguments: tuple[Any, ...], options: dict[str, Any]
