@@ -35,7 +35,7 @@ from zeromethod.loop.state import NULLED, READ
 from zeromethod.loop.step import Step
 from zeromethod.publishing import Publisher
 from zeromethod.recording.recorder import Recorder
-from zeromethod.session.reading import StepReader, warm_up_warp
+from zeromethod.session.reading import StepReader, first_warp
 from zeromethod.session.surfaces import Surfaces
 from zeromethod.thread_limits import limit_threads
 from zeromethod.warp.warp import Role, Warp
@@ -151,7 +151,7 @@ class Running:
         self.loop = self._stack.enter_context(loop)
         if variant.reads:
             surfaces = Surfaces(rig, prepared.optics, loop.grid)
-            self._stack.enter_context(surfaces.in_own_process(warm_up_warp(loop.rest)))
+            self._stack.enter_context(surfaces.in_own_process(first_warp(loop.rest)))
             publisher = self._stack.enter_context(_published(loop, clock, variant.subscriber))
             if (process_id := surfaces.process_id) is not None:
                 self._processes["process: surfaces"] = process_id

@@ -50,7 +50,7 @@ from zeromethod.recording.recording import Recording
 from zeromethod.recording.schema import KEEP
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
-from zeromethod.session.reading import StepReader, timed, warm_up_warp
+from zeromethod.session.reading import StepReader, timed, first_warp
 from zeromethod.session.surfaces import Surfaces
 from zeromethod.view.progress import progress
 
@@ -114,7 +114,7 @@ class Bench:
         camera = OwnFrames(prepared, display, clock)
         self.loop = self._stack.enter_context(Loop(rig, camera, display, clock, optics=prepared.optics))
         surfaces = Surfaces(rig, prepared.optics, self.loop.grid)
-        self._stack.enter_context(surfaces.in_own_process(warm_up_warp(self.loop.rest)))
+        self._stack.enter_context(surfaces.in_own_process(first_warp(self.loop.rest)))
         self.recorder: Recorder | None = None
 
         def read(step: Step) -> Step:

@@ -1,208 +1,175 @@
-"""Compiled functions: those of a command made ahead, on every core, and words about it.
+"""Compiling on a new machine: all that is being imported, on every core, with progress.
 
-On a new machine this is most of the first start. `kernels.txt` lists what each command needs, as
-`tools/kernels.py` found it; functions that it lacks are compiled when they are first called.
+Importing a module compiles its functions (`zeromethod.kernels`), or loads what an earlier start has compiled.
+The first that must be compiled brings all others of what is being imported, in a process for each core.
 """
 
 from __future__ import annotations
 
 import importlib
-import json
 import os
+import re
 import subprocess
 import sys
 import threading
 import time
-from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from contextlib import ExitStack, suppress
-from functools import cache
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
+from types import FrameType
 
-from numba import types
-from numba.core.dispatcher import Dispatcher
-from numba.core.event import Event, Listener, register
+from numba.core.event import Event, Listener, register, unregister
 
 from zeromethod.child_process import ignore_signals, start_process, take_output
-from zeromethod.still_busy import EVERY_S, StillBusy
 
-LIST = Path(__file__).parent / "kernels.txt"
-_DONE = b"\n"
-
-
-class Kernel(NamedTuple):
-    """A function for certain types of arguments, and the command that needs it."""
-
-    command: str
-    module: str
-    name: str
-    arguments: str
+EVERY_S = 1.5
+"""Time between two lines of progress."""
+_PACKAGE = Path(__file__).parent
+_IMPORTS = re.compile(r"^from (zeromethod[\w.]*) import (?:\(([^)]*)\)|(.*))", re.MULTILINE)
 
 
-@cache
-def kernels() -> tuple[Kernel, ...]:
-    """All that are listed; the modules that take longest come first."""
-    lines = LIST.read_text(encoding="utf-8").splitlines()
-    return tuple(Kernel(*line.split(maxsplit=3)) for line in lines)
+def _source(module: str) -> str | None:
+    """Text of a module of this package, or None."""
+    path = _PACKAGE.joinpath(*module.split(".")[1:])
+    for file in (path.with_suffix(".py"), path / "__init__.py"):
+        if file.is_file():
+            return file.read_text(encoding="utf-8")
+    return None
 
 
-def words_of(kind: Any) -> str:
-    """A type of numba's as `_kind_of` takes it."""
-    if isinstance(kind, types.Literal):
-        return f"literal({kind.literal_value!r})"
-    if isinstance(kind, types.Omitted):
-        return f"Omitted({kind.value!r})"
-    if isinstance(kind, types.Array):
-        end = "" if kind.mutable else ", readonly=True"
-        return f"Array({words_of(kind.dtype)}, {kind.ndim}, {kind.layout!r}{end})"
-    if isinstance(kind, types.SliceType):
-        return "slice3_type" if kind.has_step else "slice2_type"
-    if isinstance(kind, types.BaseTuple):
-        parts = "".join(f"{words_of(one)}, " for one in iter(kind))  # type: ignore[call-overload]
-        made = getattr(kind, "instance_class", tuple)
-        return f"parts(({parts}), {made.__module__!r}, {made.__qualname__!r})"
-    return "boolean" if kind == types.boolean else str(kind)
-
-
-def _parts(kinds: tuple[Any, ...], module: str, name: str) -> Any:
-    made = getattr(importlib.import_module(module), name)
-    return types.BaseTuple.from_types(kinds, None if made is tuple else made)  # type: ignore[no-untyped-call]
-
-
-def _kinds_of(arguments: str) -> tuple[Any, ...]:
-    kinds: tuple[Any, ...] = eval(arguments, {**vars(types), "parts": _parts})
-    return kinds
-
-
-def compiled() -> list[tuple[str, str, str]]:
-    """(module, name, types of arguments) of all that is compiled or loaded in this process."""
-    found = []
-    for module in [one for name, one in sys.modules.items() if name.startswith("zeromethod.")]:
-        for name, value in vars(module).items():
-            if isinstance(value, Dispatcher) and value.py_func.__module__ == module.__name__:
-                found += [
-                    (module.__name__, name, f"({''.join(f'{words_of(kind)}, ' for kind in kinds)})")
-                    for kinds in value.overloads
-                ]
+def _imported_by(module: str, source: str) -> set[str]:
+    """What a module imports of this package at once: not what it imports when a function is called."""
+    parts = module.split(".")
+    found = {".".join(parts[:end]) for end in range(1, len(parts))}
+    for of, several, one in _IMPORTS.findall(source):
+        names = (name.split(" as ")[0].strip() for name in (several or one).split(","))
+        found |= {of, *(f"{of}.{name}" for name in names if name.isidentifier())}
     return found
 
 
-def kernels_of(*commands: str) -> list[Kernel]:
-    """What these commands need; of all where none is named."""
-    return [one for one in kernels() if not commands or one.command in commands]
+def compiled_modules(roots: Iterable[str]) -> dict[str, set[str]]:
+    """Modules with compiled functions that these import, and of which others each needs; leaves first."""
+    imports: dict[str, set[str]] = {}
+    found: dict[str, set[str]] = {}
+
+    def visit(module: str) -> set[str]:
+        if module in imports:
+            return imports[module]
+        source = _source(module)
+        all_of = imports[module] = set[str]()
+        if source is None:
+            return all_of
+        for each in sorted(_imported_by(module, source)):
+            all_of |= {each} | visit(each)
+        if re.search(r"^@kernel\(", source, re.MULTILINE):
+            found[module] = all_of
+        return all_of
+
+    for root in roots:
+        visit(root)
+    return {module: needs & found.keys() - {module} for module, needs in found.items()}
 
 
-def load(room: str) -> None:
-    """Compile, or load as they were compiled, all of a room's functions: else the first call waits for it."""
-    for one in dict.fromkeys(each[1:] for each in kernels() if each.module.split(".")[1] == room):
-        _compile(*one)
+def all_modules() -> list[str]:
+    """Every module of this package."""
+    files = (path.relative_to(_PACKAGE.parent) for path in _PACKAGE.rglob("*.py"))
+    return [".".join(file.with_suffix("").parts) for file in files]
 
 
-def compile_ahead(wanted: Sequence[Kernel], say: Callable[[str], None]) -> None:
-    """Compile what is not yet compiled, module by module in a process for each core.
+def compile_ahead(roots: Iterable[str], say: Callable[[str], None]) -> None:
+    """Compile what these modules import and what is not compiled yet, in a process for each core.
 
-    say: is given a line now and then: how many of how many are ready.
+    say: is given a line now and then: how much is ready, and how long the rest takes at that rate.
     """
-    modules: dict[str, list[tuple[str, ...]]] = {}
-    for one in dict.fromkeys(each[1:] for each in wanted):
-        modules.setdefault(one[0], []).append(one)
-    waiting = deque(modules.values())
-    count = sum(map(len, waiting))
-    ready: set[bytes] = set()
+    waiting = compiled_modules(roots)
+    count, began_s = len(waiting), time.monotonic()
+    ready: set[str] = set()
+    running: set[str] = set()
+    changed = threading.Condition()
 
-    def serve(given: BinaryIO, answers: BinaryIO) -> None:
-        # what a process leaves, because it was ended, is compiled when it is first called
-        with suppress(OSError, IndexError), given, answers:
-            while True:
-                given.write(json.dumps(waiting.popleft()).encode() + b"\n")
-                given.flush()
-                for line in iter(answers.readline, _DONE):
-                    if not line:
-                        return
-                    ready.add(line)
+    def next_module() -> str | None:
+        """Take one whose imports are ready, so that nothing is compiled twice; None when all are taken."""
+        with changed:
+            while waiting:
+                for module, needs in waiting.items():
+                    if not running or not needs - ready:
+                        del waiting[module]
+                        running.add(module)
+                        return module
+                changed.wait()
+        return None
+
+    def serve(process: subprocess.Popen[bytes]) -> None:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        while (module := next_module()) is not None:
+            # what a process leaves, because it was ended, is compiled when it is imported
+            with suppress(OSError):
+                process.stdin.write(f"{module}\n".encode())
+                process.stdin.flush()
+                process.stdout.readline()
+            with changed:
+                running.remove(module)
+                ready.add(module)
+                changed.notify_all()
 
     with ExitStack() as stack:
         threads = []
-        for _ in range(min(len(os.sched_getaffinity(0)), len(waiting))):
+        for _ in range(min(len(os.sched_getaffinity(0)), count)):
             process = start_process(__name__, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
             stack.callback(process.wait)
             stack.callback(process.kill)
-            threads.append(threading.Thread(target=serve, args=(process.stdin, process.stdout), daemon=True))
+            threads.append(threading.Thread(target=serve, args=(process,), daemon=True))
             threads[-1].start()
-        said = ""
         for thread in threads:
             while thread.is_alive():
-                words = f"compiling, once on a new machine: {len(ready)} of {count} functions"
-                if words != said:
-                    say(words)
-                said = words
                 thread.join(EVERY_S)
+                done = len(ready)
+                if 0 < done < count:
+                    left_s = (time.monotonic() - began_s) * (count - done) / done
+                    say(f"compiling, once on a new machine: {done} of {count} modules, {left_s:.0f} s left")
 
 
-class _Reported(Listener):
-    """What is compiled because it is called."""
-
-    def __init__(self, say: Callable[[str], None], ahead: bool) -> None:
-        self._say = say
-        self._ahead = {one.command for one in kernels()} if ahead else set()
-        self._said_s = float("-inf")
-        self._busy, self._begun = StillBusy(say), 0
-
-    def on_start(self, event: Event) -> None:
-        """Where it is one of a command's, compile all of that first; else say what is compiled."""
-        self._begun += 1
-        function = event.data["dispatcher"].py_func
-        module = str(function.__module__)
-        if not module.startswith("zeromethod."):
-            return
-        called = (one.command for one in kernels() if (one.module, one.name) == (module, function.__name__))
-        command = next(called, "")
-        if command in self._ahead:
-            self._ahead.remove(command)
-            compile_ahead(kernels_of(command), self._say)
-            return
-        words = f"compiling, once on a new machine: {module.split('.')[1].replace('_', ' ')}"
-        self._busy.doing(words)
-        if time.monotonic() - self._said_s >= EVERY_S:
-            self._say(words)
-            self._said_s = time.monotonic()
-
-    def on_end(self, event: Event) -> None:  # noqa: ARG002 - numba's signature
-        """Say no more once all is compiled that others called."""
-        self._begun -= 1
-        if self._begun == 0:
-            self._busy.doing("")
+def _being_imported() -> str | None:
+    """The module of this package whose import brought all others that are being imported in this thread."""
+    frame: FrameType | None = sys._getframe()
+    outermost = None
+    while frame is not None:
+        name = str(frame.f_globals.get("__name__"))
+        if frame.f_code.co_name == "<module>" and name.startswith("zeromethod."):
+            outermost = name
+        frame = frame.f_back
+    return outermost
 
 
-_reported: list[_Reported] = []
+class _Missing(Listener):
+    """What must be compiled because it is imported: brings the rest of what is being imported."""
+
+    def __init__(self) -> None:
+        self._ahead: set[str] = set()
+
+    def on_start(self, event: Event) -> None:  # noqa: ARG002 - numba's signature
+        """Compile the rest ahead, once for all that an import brings."""
+        root = _being_imported()
+        if root is not None and root not in self._ahead:
+            self._ahead.add(root)
+            compile_ahead([root], lambda words: sys.stderr.writelines((words, "\n")))
+
+    def on_end(self, event: Event) -> None:
+        """Nothing is left to do."""
 
 
-def report_compiling(say: Callable[[str], None], ahead: bool = False) -> None:
-    """Pass on a line now and then whenever something is compiled in this process; the first call counts.
-
-    ahead: the first of a command that must be compiled brings all others of that, on every core.
-    """
-    if not _reported:
-        _reported.append(_Reported(say, ahead))
-        register("numba:compile", _reported[0])  # type: ignore[no-untyped-call]
+_missing = _Missing()
+register("numba:compile", _missing)  # type: ignore[no-untyped-call]
 
 
 def main() -> None:
-    """Lists of [module, name, arguments] come in; each goes out when compiled, an empty line after a list."""
+    """Names of modules come in, one a line; each goes out again when it is imported, and so compiled."""
     ignore_signals()
+    unregister("numba:compile", _missing)  # type: ignore[no-untyped-call]
     with suppress(BrokenPipeError), take_output() as answers:  # who asked may have been killed
         for line in sys.stdin:
-            for one in json.loads(line):
-                _compile(*one)
-                answers.write(json.dumps(one).encode() + b"\n")
-                answers.flush()
-            answers.write(_DONE)
+            with suppress(ImportError):  # of a library that is not installed
+                importlib.import_module(line.strip())
+            answers.write(line.encode())
             answers.flush()
-
-
-def _compile(module: str, name: str, arguments: str) -> None:
-    """Compile one of the list; one that is gone is left out."""
-    dispatcher = getattr(importlib.import_module(module), name, None)
-    if isinstance(dispatcher, Dispatcher):
-        dispatcher.compile(_kinds_of(arguments))

@@ -19,6 +19,7 @@ import numpy as np
 from numba import types
 from numba.np.numpy_support import as_dtype
 
+import zeromethod.compiling  # noqa: F401 - tells of what must be compiled, and does it on every core
 
 piece = numba.njit(cache=True, nogil=True, error_model="numpy")
 """Decorator of what only other compiled functions call; division by zero is as in numpy."""

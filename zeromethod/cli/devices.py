@@ -200,12 +200,10 @@ _PARTS = {
 def _speed(rig_name: str) -> dict[str, Any]:
     """Measure and print what this computer can do on a rig; the figures."""
     with quiet_imports():
-        from zeromethod.cli.compiling import say_compiling  # noqa: PLC0415
         from zeromethod.commissioning.delay import with_strips  # noqa: PLC0415
         from zeromethod.optics import check_geometry  # noqa: PLC0415
         from zeromethod.session.speed import STEPS, measure_speed  # noqa: PLC0415 - the loop loads slowly
 
-    say_compiling()
     # as `run` closes the loop on real devices: with coded strips
     rig = given_rig(rig_name, measured=False)
     rig = with_strips(rig) if rig.control.strips == "auto" else rig

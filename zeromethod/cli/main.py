@@ -59,10 +59,6 @@ class _Commands(click.Group):
         with quiet_imports():
             module = importlib.import_module(f"zeromethod.cli.{name}")
         command: click.Command = getattr(module, f"{name}_command")
-        if "numba" in sys.modules:
-            from zeromethod.cli.compiling import say_compiling  # noqa: PLC0415 - by then it is loaded
-
-            say_compiling()
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002

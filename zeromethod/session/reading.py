@@ -45,8 +45,8 @@ WAITING_STEPS = 8
 """Steps that wait to be read, at most: at 60 Hz as long as a reading takes that must begin from rest."""
 
 
-def warm_up_warp(rest: Rest) -> Warp:
-    """A made-up warp to read before the first real one, which then waits for no code to be compiled.
+def first_warp(rest: Rest) -> Warp:
+    """A warp of the mirror at rest, which a process that reads is given first: it answers when it is ready.
 
     It changes the reader's weights: whoever reads a session again starts with it, too.
     """

@@ -34,7 +34,7 @@ from zeromethod.session.fine import FineReadings, with_moving_target
 from zeromethod.session.interaction import interaction
 from zeromethod.session.outputs import Record, StepPublisher, publishing
 from zeromethod.session.outside_note import OutsideNote
-from zeromethod.session.reading import Read, StepReader, rms_nm, warm_up_warp, with_reading
+from zeromethod.session.reading import Read, StepReader, first_warp, rms_nm, with_reading
 from zeromethod.session.result import RunResult
 from zeromethod.session.run_recording import RunRecording
 from zeromethod.session.summary import Figures, summarise
@@ -226,7 +226,7 @@ class Session:
         if frames is None:
             seconds, _ = self.length(frames, seconds)
         if self.loop.live and not self._reads_apart:
-            self._closing.enter_context(self._surfaces.in_own_process(warm_up_warp(self.loop.rest)))
+            self._closing.enter_context(self._surfaces.in_own_process(first_warp(self.loop.rest)))
             if self._fine is not None:
                 self._closing.enter_context(self._fine.in_own_process())
             self._reads_apart = True

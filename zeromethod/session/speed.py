@@ -21,7 +21,6 @@ from zeromethod.loop.step import Step
 from zeromethod.optics import Optics
 from zeromethod.recording.recorder import Recorder
 from zeromethod.rig.model import Rig
-from zeromethod.session.reading import warm_up_warp
 from zeromethod.simulation.clone import simulated_clone
 from zeromethod.surface import Peak, Surface, SurfaceReader, peak
 from zeromethod.warp.rest import Rest
@@ -100,7 +99,6 @@ def _loop(rig: Rig, advance: Callable[[str], None]) -> tuple[list[Step], list[Re
         Loop(rig, devices.camera, devices.display, devices.clock, optics=optics) as loop,
     ):
         reader = SurfaceReader(rig, optics, loop.grid)
-        reader.read(warm_up_warp(loop.rest))  # compiles what is not compiled yet
         for step in loop.run(frames=FRAMES):
             if step.measured is not None:
                 started = time.perf_counter()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import importlib
 import math
 import os
 import pickle
@@ -18,7 +17,6 @@ from typing import Any
 
 from zeromethod.array_exchange import NONE, ArrayExchange, shared_memory
 from zeromethod.child_process import ignore_signals, lower_priority, start_process, take_output
-from zeromethod.compiling import load, report_compiling
 from zeromethod.optics import Optics
 from zeromethod.rig.model import Rig
 from zeromethod.surface import Peak, Surface, SurfaceReader, peak
@@ -172,7 +170,7 @@ class Surfaces:
     def in_own_process(self, first: Warp) -> Iterator[None]:
         """Within this context, read in a process of its own: else the loop waits while reading computes.
 
-        first: read at once, so that no later one waits for code to be compiled.
+        first: read at once: the run begins when the process has imported what it needs and answers.
         """
         self._ended = False
         process: SurfaceProcess | None = None
@@ -237,9 +235,6 @@ class Surfaces:
 
 def _reads(rig: Rig, grid: NodeGrid) -> Callable[[Warp], tuple[Surface, Peak]]:
     reader = SurfaceReader(rig, Optics(rig), grid)
-    # else the first narrow dent, and the first press, would wait for it
-    importlib.import_module("scipy.interpolate")
-    load("surface")
 
     def read(warp: Warp) -> tuple[Surface, Peak]:
         surface = reader.follow(warp)
@@ -283,7 +278,6 @@ def serve(reads: Callable[[Rig, NodeGrid], Callable[[Any], object]], keeps: bool
     """
     ignore_signals()
     limit_threads()
-    report_compiling(lambda words: sys.stderr.writelines((words, "\n")))
     try:
         _serve(ArrayExchange(int(sys.argv[1]), _PARTS), reads, keeps)
     except (EOFError, BrokenPipeError):

@@ -9,7 +9,7 @@ from zeromethod.optics import Optics
 from zeromethod.recording.recording import Recording
 from zeromethod.rig.model import Rig
 from zeromethod.session.dirt import DirtCorrection
-from zeromethod.session.reading import warm_up_warp
+from zeromethod.session.reading import first_warp
 from zeromethod.session.replay.differences import DepthDifferences
 from zeromethod.session.replay.window import Pace, Window
 from zeromethod.session.zero_doubt import ZeroDoubt
@@ -39,7 +39,7 @@ class Reader:
         self._doubt = ZeroDoubt(rig, recording.rest)
         self._dirt = DirtCorrection(recording.rest.q, under_cloth=rig.under_cloth)
         if recording.live:
-            self._reader.follow(warm_up_warp(recording.rest))
+            self._reader.follow(first_warp(recording.rest))
 
     def read(self, step: int, warp: Warp) -> tuple[Surface, Peak]:
         """Surface and its deepest point, of the warp of a step."""
