@@ -14,13 +14,19 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
 .PHONY: run rehearse test test-long lint size golden golden-baseline bench bars clean
 .DEFAULT_GOAL := run
 
 run: $(VENV)/.run-ready
 	@mkdir -p out
-	$(BIN)/zeromethod run --figure out/run.png --summary out/run.json
+	@echo "3 of 3: the default scenario on the simulated bench, 2.65 s of its time (drawn by software about a minute)"
+	@$(BIN)/zeromethod run --figure out/run.png --summary out/run.json
+	@echo "The picture is out/run.png, every figure is in out/run.json. Next, for instance:"
+	@echo "  $(BIN)/zeromethod run --scenario ball      # something round touches"
+	@echo "  $(BIN)/zeromethod run --view               # watch it in a browser"
+	@echo "  make rehearse                           # the real bench's code, in real time, without a bench"
 
 rehearse: $(VENV)/.test-ready
 	@BIN=$(BIN) sh tools/rehearse.sh $(ARGS)
@@ -61,24 +67,26 @@ bars: $(VENV)/.run-ready
 	$(BIN)/python -m benchmarks.bars --salt "$(SALT)" $(ARGS)
 
 $(BIN)/python:
+	@echo "1 of 3: system packages, and an empty environment in $(VENV) (up to a minute)"
 	@PYTHON=$(PYTHON) sh tools/system-packages.sh
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "zeromethod needs Python 3.11 or newer; $(PYTHON) is $$($(PYTHON) --version). Try: make PYTHON=python3.11" >&2; exit 2; }
 	$(PYTHON) -m venv $(VENV)
 
 $(VENV)/.run-ready: pyproject.toml | $(BIN)/python
 	@PYTHON=$(PYTHON) sh tools/system-packages.sh
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
-	$(BIN)/zeromethod compile
+	@echo "2 of 3: Python packages into $(VENV) (up to a minute)"
+	@$(PIP) --editable .
 	@touch $@
 
 $(VENV)/.test-ready: pyproject.toml | $(BIN)/python
 	@PYTHON=$(PYTHON) sh tools/system-packages.sh test
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test]'
-	$(BIN)/zeromethod compile
+	@echo "Python packages for the tests into $(VENV)"
+	@$(PIP) --editable '.[test]'
 	@touch $@ $(VENV)/.run-ready
 
 $(VENV)/.dev-ready: pyproject.toml | $(BIN)/python
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test,dev]'
+	@echo "Python packages for developing into $(VENV)"
+	@$(PIP) --editable '.[test,dev]'
 	@touch $@ $(VENV)/.run-ready
 
 clean:

@@ -26,22 +26,26 @@ if [ "${1:-}" = test ]; then
 fi
 [ -z "$missing" ] && exit 0
 
-if ! command -v apt-get >/dev/null 2>&1; then
-    echo "system packages missing, and no apt-get here: install the equivalents of:$missing" >&2
+cannot() {
+    echo "system packages are missing here, and $1; ask for:$missing" >&2
+    case "$missing" in *libegl1* | *libgl1* | *libosmesa6*)
+        echo "without them software OpenGL comes as a wheel, too: .venv/bin/pip install --no-deps lavavu-osmesa" >&2 ;;
+    esac
     exit 0
-fi
+}
+
+command -v apt-get >/dev/null 2>&1 || cannot "there is no apt-get (elsewhere they have other names)"
 sudo=""
 if [ "$(id -u)" -ne 0 ]; then
-    if ! command -v sudo >/dev/null 2>&1; then
-        echo "system packages missing; as root, run: apt-get install$missing" >&2
-        exit 0
-    fi
+    command -v sudo >/dev/null 2>&1 || cannot "only root may install them, without sudo"
     sudo="sudo"
 fi
-echo "Installing system packages:$missing" >&2
-$sudo apt-get update -qq
+echo "installing system packages:$missing" >&2
+said=$(mktemp)
+$sudo apt-get update -qq >"$said" 2>&1 || cat "$said" >&2
 # One at a time: newer Debian releases no longer carry every one of them (OSMesa), and EGL alone is enough.
 for package in $missing; do
-    DEBIAN_FRONTEND=noninteractive $sudo apt-get install -y -qq --no-install-recommends "$package" >/dev/null ||
-        echo "could not install $package; going on without it" >&2
+    DEBIAN_FRONTEND=noninteractive $sudo apt-get install -y -qq --no-install-recommends "$package" >"$said" 2>&1 ||
+        echo "could not install $package; going on without it ($(tail -n 1 "$said"))" >&2
 done
+rm -f "$said"

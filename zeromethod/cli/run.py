@@ -29,7 +29,6 @@ from zeromethod.cli.device_options import (
 )
 from zeromethod.cli.first_rest import with_first_rest
 from zeromethod.cli.following import follow
-from zeromethod.cli.light_array import run_light_array
 from zeromethod.cli.numbers import Real, Whole
 from zeromethod.cli.output import figure_option, summary_option, write_summary, writing
 from zeromethod.cli.page_options import opened_page, page_options
@@ -173,6 +172,8 @@ def run_command(
     _check_length(frames, seconds)
     if (arrays := load_light_array(rig_name)) is not None:
         context = click.get_current_context()
+        from zeromethod.cli.light_array import run_light_array  # noqa: PLC0415 - only these rigs need it
+
         run_light_array(arrays, given_options(context), context.params)
         return
     names = ("recording", "keep", "every", "compress")
