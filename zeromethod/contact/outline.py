@@ -98,8 +98,8 @@ def _bent(points: Float, blur_px: float) -> Float:
 
 def _highest(score: Float) -> tuple[Float, float]:
     """(px (n, 1) of each row's highest point, median second derivative there, sign turned, 1/px^2)."""
-    best = np.clip(score.argmax(axis=1)[:, None], 1, score.shape[1] - 2)
-    before, here, after = (np.take_along_axis(score, best + step, axis=1) for step in (-1, 0, 1))
+    best = np.clip(score.argmax(axis=1), 1, score.shape[1] - 2)
+    before, here, after = (score[np.arange(len(score)), best + step] for step in (-1, 0, 1))
     bend = np.maximum(2 * here - before - after, 1e-9)
     off = np.clip(0.5 * (after - before) / bend, -1.0, 1.0)
-    return STEP_PX * (best - WAY + off), median(bend) / STEP_PX**2
+    return STEP_PX * (best - WAY + off)[:, None], median(bend) / STEP_PX**2

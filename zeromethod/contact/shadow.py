@@ -120,7 +120,7 @@ class Shadows:
         if not reflectances(np.array([steepest]), outward, around).min() < _REFLECTS:
             return None
         seen = np.column_stack((points_px, np.ones(len(points_px))))
-        place: Float = np.linalg.lstsq(seen, mm, rcond=None)[0]
+        place = np.asarray(np.linalg.lstsq(seen, mm, rcond=None)[0], np.float64)
         inside = int(np.clip(round(0.5 * radius_of(points_px)), *_IN_PX))
         at, open_px = self._trimmed(start, place, around, _CONE * at_1_mm, region, inside)
         return Outline(_carried(points_px, start, at - start), _FOLLOWS * open_px)

@@ -52,7 +52,7 @@ class SlopeBlocks:
     def of(cls, surface: Surface, contacts: Sequence[Contact]) -> SlopeBlocks:
         """All valid nodes of a surface, in blocks; those alone come first."""
         whole = surface.valid | ~surface.on_mirror
-        away_nodes = cv2.distanceTransform(whole.view(np.uint8), cv2.DIST_L2, 3)
+        away = np.asarray(cv2.distanceTransform(whole.view(np.uint8), cv2.DIST_L2, 3), np.float64)
         usable, every_sigma2 = _usable(surface), surface.sigma_slope**2
         row, col = at = np.nonzero(usable & np.isfinite(every_sigma2.sum(axis=-1)))
         x, y, slope, sigma2 = surface.x_mm[at], surface.y_mm[at], surface.slope[at], every_sigma2[at]
@@ -68,7 +68,7 @@ class SlopeBlocks:
             return np.stack([np.bincount(own, weight * one, count) for one in values], axis=-1)
 
         at_mm = mean(x, y)
-        rim = _RIM * np.exp(-away_nodes[at] / _RIM_NODES) * (away_nodes[at] < 10 * _RIM_NODES)
+        rim = _RIM * np.exp(-away[at] / _RIM_NODES) * (away[at] < 10 * _RIM_NODES)
         block, share = np.full(usable.shape, -1), np.zeros(usable.shape)
         block[at], share[at] = own, weight
         of_constant = surface.slope_by_constant
@@ -95,8 +95,9 @@ class SlopeBlocks:
         """Slopes (n, 2) of another reading, times the share (n,) of each block that is read in it."""
         read = _usable(surface) & (self.block >= 0)
         own, weight, slope, count = self.block[read], self.weight[read], surface.slope[read], len(self.slope)
-        sums = [np.bincount(own, weight * slope[:, k], count) for k in (0, 1)]
-        return np.stack(sums, axis=-1), np.bincount(own, weight, count)
+        each = weight * slope[:, 0], weight * slope[:, 1], weight
+        x, y, share = (np.bincount(own, one, count).astype(np.float64, copy=False) for one in each)
+        return np.stack((x, y), axis=-1), share
 
 
 def _usable(surface: Surface) -> Mask:
