@@ -12,7 +12,6 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from scipy.special import ndtr
 
@@ -38,13 +37,17 @@ _LEAST_KNOWN = 0.5
 class BorderModels(NamedTuple):
     """Gaussians of the levels (k,) across a border, -IN_PX to OUT_PX, by model and place.
 
-    mean: (k, places). white: (models, k, k, places) lower triangles that make deviations independent and of
-    variance 1. log: (models, places) of their determinants.
+    white: (..., k, k x places) makes of levels what is independent and of variance 1, for each place. meant:
+    (..., 1, k x places) that of the mean levels. log: (..., 1, places) of the determinants. ...: by model.
     """
 
-    mean: Float
     white: Float
+    meant: Float
     log: Float
+
+    def one(self, model: int) -> BorderModels:
+        """One of the models alone."""
+        return BorderModels(*(part[model] for part in self))
 
 
 @lru_cache(maxsize=32)
@@ -72,51 +75,19 @@ def border_models(scattered: float, blur_px: float, noise: tuple[float, float]) 
         ]
     )
     white = np.linalg.inv(np.linalg.cholesky(covariance))
-    log = np.log(np.diagonal(white, axis1=2, axis2=3)).sum(axis=2)
-    return BorderModels(mean.T.copy(), np.moveaxis(white, 1, 3).copy(), log)
+    meant = np.einsum("mwab,wb->maw", white, mean).reshape(len(white), 1, -1)
+    log = np.log(np.diagonal(white, axis1=2, axis2=3)).sum(axis=2)[:, None]
+    return BorderModels(white.transpose(0, 3, 2, 1).reshape(len(white), len(at), -1), meant, log)
 
 
-@numba.njit(cache=True, nogil=True)
-def likeliest_model(levels: Float, known: Float, mean: Float, white: Float, log: Float, every: int) -> int:
-    """The model of `BorderModels` by which every so many points' levels are likeliest."""
-    few, share = levels[::every].copy(), known[::every].copy()
-    best, most = 0, -np.inf
-    for m in range(len(white)):
-        score = scores(few, share, mean, white[m], log[m])
-        total = 0.0
-        for i in range(len(few)):
-            total += score[i].max()
-        if total > most:
-            best, most = m, total
-    return best
+def likeliest_model(levels: Float, known: Float, models: BorderModels) -> int:
+    """By which of the models levels (n, k) across a border are likeliest."""
+    return int(scores(levels, known, models).max(axis=-1).sum(axis=-1).argmax())
 
 
-@numba.njit(cache=True, nogil=True)
-def scores(levels: Float, known: Float, mean: Float, white: Float, log: Float) -> Float:
-    """(n, places) log-likelihood of levels (n, k) across a border by one model; 0 where dirt lies on it."""
-    n, k = levels.shape
-    places = mean.shape[1]
-    result, off, part = np.zeros((n, places)), np.empty((k, places)), np.empty(places)
-    for i in range(n):
-        if known[i].min() < _LEAST_KNOWN:
-            continue
-        result[i] = log
-        # all places at once
-        for a in range(k):
-            part[:] = 0.0
-            for w in range(places):
-                off[a, w] = levels[i, a] - mean[a, w]
-            for b in range(a + 1):
-                for w in range(places):
-                    part[w] += white[a, b, w] * off[b, w]
-            for w in range(places):
-                result[i, w] -= 0.5 * part[w] * part[w]
-    return result
-
-
-def compile_ahead() -> None:
-    """Have the compiled functions ready before the first contact."""
-    models = border_models(0.1, 1.0, (1.0, 1.0))
-    line = np.ones((1, len(models.mean)))
-    likeliest_model(line, line, *models, 1)
-    scores(line, line, models.mean, models.white[0], models.log[0])
+def scores(levels: Float, known: Float, models: BorderModels) -> Float:
+    """(..., n, places) log-likelihood of levels (n, k) across a border; 0 where dirt lies on it."""
+    apart = levels @ models.white - models.meant
+    apart = apart.reshape(*apart.shape[:-1], levels.shape[1], 2 * WAY + 1)
+    score = models.log - 0.5 * (apart * apart).sum(axis=-2)
+    return np.where(known.min(axis=1, keepdims=True) < _LEAST_KNOWN, 0.0, score)

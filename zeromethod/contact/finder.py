@@ -9,7 +9,6 @@ import cv2
 import numpy as np
 
 from zeromethod.arrays import Float, Image, Single
-from zeromethod.contact import flat, in_mm, outline, shadow
 from zeromethod.contact.contact import LEAST_MM2, Contact, Probability
 from zeromethod.contact.deepest import deepest_of_all
 from zeromethod.contact.force_fit import ForceFit
@@ -63,8 +62,6 @@ class ContactFinder:
         """Of the last frame: contacts that press, but were not seen in a second one yet."""
         self._lit = np.zeros(grid.shape, bool)
         self._grid, self._black = grid, rig.camera.noise.black_grey
-        for module in (flat, outline, in_mm, shadow):
-            module.compile_ahead()
 
     @property
     def ready(self) -> bool:

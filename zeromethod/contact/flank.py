@@ -7,10 +7,12 @@ from typing import NamedTuple
 
 import numba
 import numpy as np
+from scipy.ndimage import map_coordinates
 
 from zeromethod.arrays import Bytes, Float, Single
 from zeromethod.contact.likelihood import UNKNOWN
-from zeromethod.contact.polygon import compiled_perimeter, compiled_smooth
+from zeromethod.contact.polygon import perimeter, smooth
+from zeromethod.kernels import kernel, read
 
 STEP_PX = 0.5
 """Step of the levels as they should be."""
@@ -47,119 +49,124 @@ class Around(NamedTuple):
     rubber: float
 
 
-@numba.njit(cache=True, nogil=True)
-def reflectances(slope: float, outward: Float, ray: Float, rest: Float, share: Float, index: float) -> Float:
-    """(n,) reflectance of a mirror that falls away outwards by a slope."""
-    result = np.empty(len(ray))
-    for i in range(len(ray)):
-        result[i] = reflectance(slope, outward[i], ray[i], rest[i], share[i], index)
-    return result
+def reflectances(slope: Float, outward: Float, around: Around) -> Float:
+    """(n, k) reflectance of a mirror that falls away outwards by slopes (k,), as `optics.fresnel` has it."""
+    zx, zy = (around.rest[:, axis, None] + slope * outward[:, axis, None] for axis in (0, 1))
+    ray_x, ray_y, ray_z = around.ray.T[:, :, None]
+    cosine = (ray_z - zx * ray_x - zy * ray_y) / np.sqrt(1 + zx * zx + zy * zy)
+    passes = np.sqrt(np.maximum(1 - around.rubber**2 * (1 - cosine * cosine), 0.0))
+    s = (around.rubber * cosine - passes) / (around.rubber * cosine + passes)
+    p = (cosine - around.rubber * passes) / (cosine + around.rubber * passes)
+    share = around.share[:, None]
+    return np.where(cosine > 0, share * s * s + (1 - share) * p * p, 0.0)
 
 
-@numba.njit(cache=True, nogil=True)
-def reflectance(slope: float, outward: Float, ray: Float, rest: Float, share: float, index: float) -> float:
-    """Reflectance of a mirror that falls away outwards by a slope, as `optics.fresnel` has it."""
-    zx, zy = rest[0] + slope * outward[0], rest[1] + slope * outward[1]
-    cosine = (ray[2] - zx * ray[0] - zy * ray[1]) / math.sqrt(1 + zx * zx + zy * zy)
-    if cosine <= 0:
-        return 0.0
-    passes = math.sqrt(max(1 - index * index * (1 - cosine * cosine), 0.0))
-    s = (index * cosine - passes) / (index * cosine + passes)
-    p = (cosine - index * passes) / (cosine + index * passes)
-    return float(share * s * s + (1 - share) * p * p)
+def lit(columns: Bytes, light_of: Single) -> Single:
+    """(2, rows, cols) light of a picture's pixels, 0 where it is not known, and 1 where it is.
+
+    light_of: that of each of the `columns`.
+    """
+    known = columns != UNKNOWN
+    return np.stack((light_of[columns] * known, known), dtype=np.float32)
 
 
-@numba.njit(cache=True, nogil=True)
-def across(at: Float, out: Float, columns: Bytes, light_of: Single, inside: int) -> tuple[Float, Float]:
+def across(at: Float, out: Float, picture: Single, inside: int) -> tuple[Float, Float]:
     """(n, positions) levels across a border, from `inside` px inside on, and the share of them that is known.
 
-    Both are averaged along the border.
+    Both are averaged along the border. picture: as `lit` has it.
     """
-    rows, cols = columns.shape
-    n, positions = len(at), inside + OUT_PX + 1
-    both = np.zeros((n, 2 * positions))
-    for i in range(n):
-        for t in range(positions):
-            u, v = at[i, 0] + (t - inside) * out[i, 0], at[i, 1] + (t - inside) * out[i, 1]
-            if not (0 <= u < cols - 1 and 0 <= v < rows - 1):
-                continue
-            col, row = int(u), int(v)
-            for b in range(2):
-                for a in range(2):
-                    weight = (u - col if a else 1 - u + col) * (v - row if b else 1 - v + row)
-                    column = columns[row + b, col + a]
-                    if column != UNKNOWN:
-                        both[i, t] += weight * light_of[column]
-                        both[i, positions + t] += weight
-    smoothed = compiled_smooth(both, ALONG_PX * n / compiled_perimeter(at))
-    known = smoothed[:, positions:].copy()
-    return smoothed[:, :positions] / np.maximum(known, 1e-3), known
+    steps = np.arange(-inside, OUT_PX + 1.0)
+    place = [at[:, axis, None] + steps * out[:, axis, None] for axis in (1, 0)]
+    both = [map_coordinates(one, place, np.float64, order=1, prefilter=False) for one in picture]
+    smoothed = smooth(np.concatenate(both, axis=1), ALONG_PX * len(at) / perimeter(at))
+    known = smoothed[:, len(steps) :]
+    return smoothed[:, : len(steps)] / np.maximum(known, 1e-3), known
 
 
-@numba.njit(cache=True, nogil=True)
-def profile(
-    slope: float,
-    radius: float,
-    mm_per_px: float,
-    outward: Float,
-    ray: Float,
-    rest: Float,
-    share: float,
-    index: float,
+class Flank(NamedTuple):
+    """How a mirror falls away about n points of a border.
+
+    place: (n, 33) px from the border, along which it is seen to grow flatter. light: (n, 33) what it reflects
+    there.
+    """
+
+    place: Float
+    light: Float
+
+    @classmethod
+    def of(cls, slope: float, radius: float, mm_per_px: Float, outward: Float, around: Around) -> Flank:
+        """By the law, for a slope at the border of a contact of that radius, mm.
+
+        mm_per_px: (n,) across the border. outward: (n, 2) unit vectors on the mirror.
+        """
+        lean = (around.ray[:, :2] * outward).sum(axis=1) / around.ray[:, 2]
+        place = radius * (_AT - slope * lean[:, None] * _DROP) / mm_per_px[:, None]
+        # what lies behind a flank is not seen
+        place = np.maximum.accumulate(np.maximum(place, 0.0), axis=1)
+        return cls(place, reflectances(slope * _FALL, outward, around))
+
+    def likeliest(
+        self, levels: Float, known: Float, blur: Float, own: float, noise: float, inside: int
+    ) -> Float:
+        """(n,) px, from `inside` inwards to 2 outwards, to where levels (n, positions) are likeliest.
+
+        blur: weights of steps. own, noise: the object's level, and its variance.
+        """
+        px, fine = np.empty(len(levels)), np.empty((6, 2 * (2 * inside + 2 + OUT_PX) + 1))
+        _likeliest(*self, levels, known, blur, own, noise, inside, fine, px)
+        return px
+
+
+@kernel(
+    *4 * (read(numba.float64, 2),), read(numba.float64, 1), numba.float64, numba.float64, numba.int64,
+    numba.float64[:, ::1], numba.float64[::1],
+)  # fmt: skip
+def _likeliest(
+    place: Float,
+    light: Float,
+    levels: Float,
+    known: Float,
+    blur: Float,
     own: float,
     noise: float,
-    blur: Float,
     inside: int,
-) -> tuple[Float, Float, Float]:
-    """(level, 1 / variance, its log) across a border, every STEP_PX from `inside` + 2 px inside on."""
-    zero = 2 * (inside + 2)
-    fine = zero + 2 * (OUT_PX + inside) + 1
-    lean = (ray[0] * outward[0] + ray[1] * outward[1]) / ray[2]
-    sharp, doubt = np.empty(fine), np.empty(fine)
-    g, here, light = 0, 0.0, reflectance(slope, outward, ray, rest, share, index)
-    after, light_after = here, light
-    for j in range(fine):
-        at = STEP_PX * (j - zero)
-        while after < at and g < len(_AT) - 1:
-            here, light = after, light_after
-            g += 1
-            after = max(here, radius * (_AT[g] - slope * lean * _DROP[g]) / mm_per_px)
-            light_after = reflectance(slope * _FALL[g], outward, ray, rest, share, index)
-        beyond = light_after
-        if here < after and at < after:
-            beyond = light + (at - here) / (after - here) * (light_after - light)
-        outside = 0.0 if j < zero else 0.5 if j == zero else 1.0
-        sharp[j] = (1 - outside) * own + outside * beyond
-        doubt[j] = outside * ((_LAW * beyond) ** 2 + (_PICTURE * beyond**4) ** 2)
-    half = len(blur) // 2
-    mean, sharpness, log = np.zeros(fine), np.empty(fine), np.empty(fine)
-    for j in range(fine):
-        variance = noise
-        for b in range(len(blur)):
-            k = min(max(j + b - half, 0), fine - 1)
-            mean[j] += blur[b] * sharp[k]
-            variance += blur[b] * doubt[k]
-        sharpness[j], log[j] = 1 / variance, math.log(variance)
-    return mean, sharpness, log
-
-
-@numba.njit(cache=True, nogil=True)
-def likeliest(levels: Float, known: Float, mean: Float, sharpness: Float, log: Float, inside: int) -> float:
-    """Px, from `inside` inwards to 2 outwards, to where a border's levels are likeliest."""
-    ways = 2 * (inside + 2) + 1
-    best, at, before, after = -np.inf, 0, 0.0, 0.0
-    totals = np.zeros(ways)
-    for w in range(ways):
-        first = 2 * (inside + 2) - w
-        for t in range(len(levels)):
-            if known[t] > _LEAST_KNOWN:
-                off = levels[t] - mean[first + 2 * t]
-                totals[w] -= 0.5 * (off * off * sharpness[first + 2 * t] + log[first + 2 * t])
-        if totals[w] > best:
-            best, at = totals[w], w
-    part = 0.0
-    if 0 < at < ways - 1:
-        before, after = totals[at - 1], totals[at + 1]
-        bend = 2 * best - before - after
-        part = 0.5 * (after - before) / bend if bend > 0 else 0.0
-    return STEP_PX * (at + part) - inside
+    fine: Float,
+    px: Float,
+) -> None:
+    """As `Flank.likeliest`. fine: room for levels every STEP_PX, from `inside` + 2 px inside on."""
+    zero, steps, half = 2 * (inside + 2), fine.shape[1], len(blur) // 2
+    sharp, doubt, mean, sharpness, log, total = fine[0], fine[1], fine[2], fine[3], fine[4], fine[5]
+    for i in range(len(place)):
+        g = 0
+        for j in range(steps):
+            at = STEP_PX * (j - zero)
+            while place[i, g] < at and g < place.shape[1] - 1:
+                g += 1
+            beyond = light[i, g]
+            if g > 0 and at < place[i, g]:
+                part = (at - place[i, g - 1]) / (place[i, g] - place[i, g - 1])
+                beyond = light[i, g - 1] + part * (beyond - light[i, g - 1])
+            outside = 0.0 if j < zero else 0.5 if j == zero else 1.0
+            sharp[j] = (1 - outside) * own + outside * beyond
+            doubt[j] = outside * ((_LAW * beyond) ** 2 + (_PICTURE * beyond**4) ** 2)
+        for j in range(steps):
+            mean[j], variance = 0.0, noise
+            for b in range(len(blur)):
+                k = min(max(j + b - half, 0), steps - 1)
+                mean[j] += blur[b] * sharp[k]
+                variance += blur[b] * doubt[k]
+            sharpness[j], log[j] = 1 / variance, math.log(variance)
+        best = 0
+        for way in range(zero + 1):
+            total[way] = 0.0
+            for t in range(levels.shape[1]):
+                k = zero - way + 2 * t
+                if known[i, t] > _LEAST_KNOWN:
+                    total[way] -= 0.5 * ((levels[i, t] - mean[k]) ** 2 * sharpness[k] + log[k])
+            if total[way] > total[best]:
+                best = way
+        px[i] = STEP_PX * best - inside
+        if 0 < best < zero:
+            bend = 2 * total[best] - total[best - 1] - total[best + 1]
+            if bend > 0:
+                px[i] += STEP_PX * 0.5 * (total[best + 1] - total[best - 1]) / bend

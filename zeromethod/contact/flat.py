@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import cv2
-import numba
 import numpy as np
 
 from zeromethod.arrays import Mask, Single
@@ -30,20 +29,5 @@ def flat_places(
     window = (side_px, side_px)
     mean: Single = np.asarray(cv2.boxFilter(picture, -1, window), np.float32)
     square: Single = np.asarray(cv2.sqrBoxFilter(picture, -1, window), np.float32)
-    return np.asarray(_flat(mean, square, below, noises**2 * noise[0], noises**2 * noise[1]))
-
-
-@numba.njit(cache=True, nogil=True)
-def _flat(mean: Single, square: Single, below: Single, dark: float, per_grey: float) -> Mask:
-    result = np.empty(mean.shape, np.bool_)
-    for i in range(mean.shape[0]):
-        for j in range(mean.shape[1]):
-            level = mean[i, j]
-            allowed = dark + per_grey * max(level, np.float32(0))
-            result[i, j] = level < below[i, j] and square[i, j] - level * level < allowed
-    return result
-
-
-def compile_ahead() -> None:
-    """Have the compiled function ready before the first contact."""
-    flat_places(np.zeros((2, 2), np.float32), np.ones((2, 2), np.float32), (1.0, 1.0), 1.0)
+    allowed = noises**2 * (noise[0] + noise[1] * np.maximum(mean, 0))
+    return np.asarray((mean < below) & (square - mean * mean < allowed))

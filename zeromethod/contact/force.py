@@ -21,7 +21,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from zeromethod.arrays import Float
-from zeromethod.contact import force_fit
 from zeromethod.contact.contact import Contact
 from zeromethod.contact.force_fit import ForceFit, Overlap
 from zeromethod.mechanics.yielding import Yielding
@@ -55,7 +54,6 @@ class ForceReader:
         self._shapes = _CLOTH if rig.under_cloth else _FORCES
         self._overlap = Overlap.of(rig)
         self.fit: ForceFit | None = None
-        force_fit.compile_ahead()
 
     def read(
         self, surface: Surface, contacts: Sequence[Contact], unnamed: Sequence[Contact] = ()

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from zeromethod.arrays import Float
-from zeromethod.contact import load_fields, loads, slope_blocks
+from zeromethod.contact import load_fields
 from zeromethod.contact.contact import Contact
 from zeromethod.contact.loads import SHAPES, Loads, shares
 from zeromethod.contact.median import median
@@ -196,9 +196,3 @@ def _change(one: Contact, other: Contact) -> float:
     longer, wider = abs(one.major_mm - other.major_mm), abs(one.minor_mm - other.minor_mm)
     grown = max(longer, wider, turned * (other.major_mm - other.minor_mm)) / 2
     return math.hypot(one.x_mm - other.x_mm, one.y_mm - other.y_mm) + grown
-
-
-def compile_ahead() -> None:
-    """Have the compiled functions ready before the first contact."""
-    for module in (load_fields, loads, slope_blocks):
-        module.compile_ahead()

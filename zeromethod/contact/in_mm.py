@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
-import numba
 import numpy as np
+from scipy.ndimage import map_coordinates
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.contact.moments import moments
@@ -121,11 +120,16 @@ class MirrorPlaces:
     def _force(centre: Float, area_mm2: float, surface: Surface) -> _Force | None:
         """The far field of the contact; None where too little of it was read, or it does not press."""
         size = float(np.sqrt(area_mm2 / np.pi))
-        read = surface.x_mm, surface.y_mm, surface.depth_mm
-        x, y, depth = (np.ascontiguousarray(one, np.float64) for one in read)
-        ring = 1.3 * size + 0.5, 6 * size + _RING_MM
-        count, at_1_mm, far_mm = _far_field(x, y, depth, np.ascontiguousarray(surface.valid), centre, *ring)
-        return _Force(at_1_mm, far_mm) if count >= _FEWEST and at_1_mm > 0 else None
+        few = np.s_[::2, ::2]
+        away = np.hypot(surface.x_mm[few] - centre[0], surface.y_mm[few] - centre[1])
+        ring = surface.valid[few] & (away > 1.3 * size + 0.5) & (away < 6 * size + _RING_MM)
+        if np.count_nonzero(ring) < _FEWEST:
+            return None
+        # the best depth = at_1_mm / distance + depth_mm
+        near, depth = 1 / away[ring], surface.depth_mm[few][ring]
+        off = near - near.mean()
+        at_1_mm = float((off * depth).sum() / (off * off).sum())
+        return _Force(at_1_mm, float(depth.mean() - at_1_mm * near.mean())) if at_1_mm > 0 else None
 
     def _depth(self, at_mm: Float, points_px: Float, surface: Surface) -> Float:
         """Depth next to a hole: the nearest node's, continued by its slope; 0 where none was read."""
@@ -137,72 +141,14 @@ class MirrorPlaces:
         near = surface.valid[part]
         if not near.any():
             return np.zeros(len(at_mm))
-        read = (surface.x_mm, surface.y_mm, surface.depth_mm, surface.slope)
-        x, y, depth, slope = (np.ascontiguousarray(one[part], np.float64) for one in read)
-        return np.asarray(_nearest(at_mm, x, y, depth, slope, np.ascontiguousarray(near)))
+        x, y, depth = (one[part][near] for one in (surface.x_mm, surface.y_mm, surface.depth_mm))
+        off2 = (at_mm[:, :1] - x) ** 2 + (at_mm[:, 1:] - y) ** 2
+        nearest = off2.argmin(axis=1)
+        off = at_mm - np.stack((x[nearest], y[nearest]), axis=-1)
+        return np.asarray(depth[nearest] + (surface.slope[part][near][nearest] * off).sum(axis=1))
 
     def _at(self, values: Float, points_px: Float) -> Float:
         """Values (rows, cols, k) of the nodes at pixels (n, 2), linear between: (n, k)."""
-        at = np.ascontiguousarray(points_px)
-        return np.asarray(_between(values, (at - self._first) / self._spacing))
-
-
-@numba.njit(cache=True, nogil=True)
-def _between(values: Float, at: Float) -> Float:
-    """Values (rows, cols, k) at places (n, 2), (col, row), linear between; beyond the border the border's."""
-    rows, cols, width = values.shape
-    result = np.zeros((len(at), width))
-    for i in range(len(at)):
-        col, row = min(max(at[i, 0], 0.0), cols - 1.0), min(max(at[i, 1], 0.0), rows - 1.0)
-        left, top = min(int(col), cols - 2), min(int(row), rows - 2)
-        s, t = col - left, row - top
-        for k in range(width):
-            upper = (1 - s) * values[top, left, k] + s * values[top, left + 1, k]
-            lower = (1 - s) * values[top + 1, left, k] + s * values[top + 1, left + 1, k]
-            result[i, k] = (1 - t) * upper + t * lower
-    return result
-
-
-@numba.njit(cache=True, nogil=True)
-def _far_field(
-    x: Float, y: Float, depth: Float, valid: Mask, centre: Float, inner: float, outer: float
-) -> tuple[int, float, float]:
-    """(nodes, a, b) of the best depth = a / distance + b over every other node of a ring."""
-    n, s1, s2, d0, d1 = 0, 0.0, 0.0, 0.0, 0.0
-    for row in range(0, x.shape[0], 2):
-        for col in range(0, x.shape[1], 2):
-            away = math.hypot(x[row, col] - centre[0], y[row, col] - centre[1])
-            if valid[row, col] and inner < away < outer:
-                n, s1, s2 = n + 1, s1 + 1 / away, s2 + 1 / away**2
-                d0, d1 = d0 + depth[row, col], d1 + depth[row, col] / away
-    spread = n * s2 - s1 * s1
-    if not spread > 0:
-        return 0, 0.0, 0.0
-    slope = (n * d1 - s1 * d0) / spread
-    return n, slope, (d0 - slope * s1) / n
-
-
-@numba.njit(cache=True, nogil=True)
-def _nearest(at: Float, x: Float, y: Float, depth: Float, slope: Float, near: Mask) -> Float:
-    """Depth (n,) at places (n, 2) as the nearest of nodes (rows, cols) continues it by its slope."""
-    result = np.zeros(len(at))
-    rows, cols = near.shape
-    for i in range(len(at)):
-        least = np.inf
-        for row in range(rows):
-            for col in range(cols):
-                if near[row, col]:
-                    u, v = at[i, 0] - x[row, col], at[i, 1] - y[row, col]
-                    if u * u + v * v < least:
-                        least = u * u + v * v
-                        result[i] = depth[row, col] + slope[row, col, 0] * u + slope[row, col, 1] * v
-    return result
-
-
-def compile_ahead() -> None:
-    """Have the compiled functions ready before the first contact."""
-    node, place = np.zeros((2, 2)), np.zeros((1, 2))
-    _between(np.zeros((2, 2, 1)), place)
-    none = np.zeros((2, 2), np.bool_)
-    _nearest(place, node, node, node, np.zeros((2, 2, 2)), none)
-    _far_field(node, node, node, none, np.zeros(2), 1.0, 2.0)
+        place = ((points_px - self._first) / self._spacing).T[::-1]
+        parts = np.moveaxis(values, -1, 0)
+        return np.stack([map_coordinates(one, place, order=1, mode="nearest") for one in parts], axis=-1)

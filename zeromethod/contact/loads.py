@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -74,37 +73,22 @@ class Loads:
         return np.asarray(np.einsum("c,ck->k", self.forces[0], self.cells))
 
 
-@numba.njit(cache=True, nogil=True)
 def _pressures(border: Float, angle: float, by_major: float, by_minor: float) -> tuple[Float, Float, Float]:
     """(cells (n, 2) from the middle, their areas (n,), forces (SHAPES, n)) within a border (_RAYS, 2).
 
     by_major, by_minor: 1 / half an axis.
     """
-    rays = len(border)
-    n = RINGS * rays
-    cells, area, whole = np.empty((n, 2)), np.empty(n), np.empty((3, n))
-    uneven, forces = np.empty((5, n)), np.empty((SHAPES, n))
-    for k in range(rays):
-        after, before = border[(k + 1) % rays], border[k - 1]
-        sector = 0.5 * abs(border[k, 0] * (after[1] - before[1]) - border[k, 1] * (after[0] - before[0]))
-        for ring in range(RINGS):
-            c = ring * rays + k
-            area[c] = _RHO[ring] * _DEPTH[ring] * _WEIGHT[ring] * sector
-            for shape in range(3):
-                whole[shape, c] = _RINGS[shape, ring] * sector
-            u, v = _RHO[ring] * border[k, 0], _RHO[ring] * border[k, 1]
-            cells[c, 0], cells[c, 1] = u, v
-            x = by_major * (u * np.cos(angle) + v * np.sin(angle))
-            y = by_minor * (v * np.cos(angle) - u * np.sin(angle))
-            uneven[0, c], uneven[1, c], uneven[2, c], uneven[3, c], uneven[4, c] = x, y, x * x, x * y, y * y
-    for shape in range(3):
-        whole[shape] /= whole[shape].sum()
-    forces[0] = whole[0]
-    forces[1], forces[2] = whole[1] - whole[0], whole[2] - whole[0]
-    for k in range(5):
-        own = whole[1] * (uneven[k] - (uneven[k] * whole[1]).sum())
-        forces[3 + k] = own / max(np.abs(own).sum(), 1e-12)
-    return cells, area, forces
+    along = np.roll(border, -1, axis=0) - np.roll(border, 1, axis=0)
+    sector = 0.5 * np.abs(border[:, 0] * along[:, 1] - border[:, 1] * along[:, 0])
+    area = np.outer(_RHO * _DEPTH * _WEIGHT, sector).ravel()
+    ball, punch, cone = (one / one.sum() for one in (np.outer(ring, sector).ravel() for ring in _RINGS))
+    u, v = (np.outer(_RHO, border[:, axis]).ravel() for axis in (0, 1))
+    x = by_major * (u * np.cos(angle) + v * np.sin(angle))
+    y = by_minor * (v * np.cos(angle) - u * np.sin(angle))
+    uneven = np.stack([x, y, x * x, x * y, y * y])
+    own = punch * (uneven - (uneven * punch).sum(axis=1, keepdims=True))
+    own /= np.maximum(np.abs(own).sum(axis=1, keepdims=True), 1e-12)
+    return np.stack((u, v), axis=-1), area, np.vstack([ball, punch - ball, cone - ball, own])
 
 
 @lru_cache
@@ -126,8 +110,3 @@ def shares(normal: Float, right: Float, loads: Sequence[Loads]) -> tuple[Float, 
     known = normal.copy()
     known[parts, parts] += np.outer(newtons, _OPEN).ravel() ** -2
     return np.asarray(np.linalg.solve(known, right), np.float64), known
-
-
-def compile_ahead() -> None:
-    """Have the compiled function ready before the first contact."""
-    _pressures(np.ones((_RAYS, 2)), 0.0, 1.0, 1.0)

@@ -6,14 +6,13 @@ import math
 from dataclasses import dataclass
 
 import cv2
-import numba
 import numpy as np
 
 from zeromethod.arrays import Bytes, Float, Mask
-from zeromethod.contact import border, polygon
 from zeromethod.contact.border import IN_PX, STEP_PX, WAY, border_models, likeliest_model, scores
-from zeromethod.contact.flank import across
-from zeromethod.contact.likelihood import LEVELS, GreyModel
+from zeromethod.contact.flank import across, lit
+from zeromethod.contact.likelihood import GreyModel
+from zeromethod.contact.median import median
 from zeromethod.contact.polygon import evenly, normals, perimeter, signed_area, smooth
 
 _PASSES, _CHOOSING = 4, 2
@@ -61,13 +60,15 @@ def refined(points: Float, columns: Bytes, model: GreyModel) -> Outline:
     once = smooth(points, _START_PX / _APART_PX)
     # twice, so that what bends stays
     points = resampled(2 * once - smooth(once, _START_PX / _APART_PX))
+    picture = lit(columns, model.light)
     chosen, sharpness = 0, 0.0
     for number in range(_PASSES):
         out = normals(points)
-        levels, known = across(points, out, columns, model.light, IN_PX)
+        levels, known = across(points, out, picture, IN_PX)
         if number < _CHOOSING:
-            chosen = likeliest_model(levels, known, *models, max(len(points) // _ASKED, 1))
-        score = scores(levels, known, models.mean, models.white[chosen], models.log[chosen])
+            every = max(len(points) // _ASKED, 1)
+            chosen = likeliest_model(levels[::every], known[::every], models)
+        score = scores(levels, known, models.one(chosen))
         moved, sharpness = _moved(smooth(score, _ALONG_PX / _APART_PX))
         points = resampled(points + smooth(moved, _SMOOTH_PX / _APART_PX) * out)
         if number < _PASSES - 1:
@@ -95,25 +96,10 @@ def _bent(points: Float, blur_px: float) -> Float:
     return np.asarray(points + (bend + chord) * normals(points))
 
 
-@numba.njit(cache=True, nogil=True)
 def _highest(score: Float) -> tuple[Float, float]:
     """(px (n, 1) of each row's highest point, median second derivative there, sign turned, 1/px^2)."""
-    count, steps = score.shape
-    place, sharpness = np.empty((count, 1)), np.empty(count)
-    for i in range(count):
-        best = min(max(int(np.argmax(score[i])), 1), steps - 2)
-        before, here, after = score[i, best - 1], score[i, best], score[i, best + 1]
-        bend = max(2 * here - before - after, 1e-9)
-        off = min(max(0.5 * (after - before) / bend, -1.0), 1.0)
-        place[i, 0] = STEP_PX * (best - WAY + off)
-        sharpness[i] = bend / STEP_PX**2
-    return place, np.median(sharpness)
-
-
-def compile_ahead() -> None:
-    """Have the compiled functions ready before the first contact."""
-    polygon.compile_ahead()
-    border.compile_ahead()
-    place, columns = np.array([[1.0, 1.0], [2.0, 1.0], [1.5, 2.0]]), np.zeros((3, 3), np.uint8)
-    across(place, place, columns, np.zeros(LEVELS + 1, np.float32), IN_PX)
-    _highest(np.zeros((1, 3)))
+    best = np.clip(score.argmax(axis=1), 1, score.shape[1] - 2)
+    before, here, after = (score[np.arange(len(score)), best + step] for step in (-1, 0, 1))
+    bend = np.maximum(2 * here - before - after, 1e-9)
+    off = np.clip(0.5 * (after - before) / bend, -1.0, 1.0)
+    return STEP_PX * (best - WAY + off)[:, None], median(bend) / STEP_PX**2

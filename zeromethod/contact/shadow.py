@@ -10,33 +10,16 @@ from the contact's size: the border is moved to where the levels across it are l
 from __future__ import annotations
 
 import math
+from functools import lru_cache
+from typing import NamedTuple
 
-import numba
 import numpy as np
 
-from zeromethod.arrays import Bytes, Float, Single
-from zeromethod.contact.flank import (
-    ALIKE_PX,
-    STEP_PX,
-    Around,
-    across,
-    likeliest,
-    profile,
-    reflectance,
-    reflectances,
-)
-from zeromethod.contact.likelihood import LEVELS
+from zeromethod.arrays import Float, Single
+from zeromethod.contact.flank import ALIKE_PX, STEP_PX, Around, Flank, across, lit, reflectances
 from zeromethod.contact.moments import moments
 from zeromethod.contact.outline import Outline
-from zeromethod.contact.polygon import (
-    closed,
-    compiled_moments,
-    compiled_normals,
-    evenly,
-    normals,
-    radius_of,
-    signed_area,
-)
+from zeromethod.contact.polygon import closed, evenly, normals, radius_of, signed_area, way_along
 from zeromethod.contact.region import Region
 from zeromethod.optics import Optics
 from zeromethod.optics.fresnel import s_share
@@ -46,7 +29,7 @@ from zeromethod.optics.vectors import reflect
 _CONE = 2.0
 """Slope at the border of a cone's contact over (depth x distance far from it) / radius^2. A ball's is 2.36,
 and flatter a little way off: as dark together. Source: Johnson 1985, 4.2 and 5.2."""
-_DOUBT = np.array([0.92, 1.0, 1.09])
+_DOUBT = 0.92, 1.09
 """What other shapes may have of it, and the law."""
 _FOLLOWS = 2.0
 """What such doubt does at last over what it does in one pass: the slope follows the radius."""
@@ -64,6 +47,32 @@ _SHAPE, _WAVES = 3, 4
 """Harmonics of the border that say which way it faces, and of what it is moved by."""
 _IN_PX = 8, 24
 """Pixels that are looked at inside: half a radius, within these."""
+
+
+class _Border(NamedTuple):
+    """A contact's border, with the light across it.
+
+    radius: of a disc of its area, mm. out: (n, 2) outwards, px; outward: on the mirror. mm_per_px: (n,) along
+    these. levels, known: (n, positions) as `across` has them, from `inside` px inside on.
+    """
+
+    radius: float
+    out: Float
+    outward: Float
+    mm_per_px: Float
+    levels: Float
+    known: Float
+    inside: int
+
+    @classmethod
+    def of(cls, at: Float, place: Float, picture: Single, inside: int) -> _Border:
+        """At points (n, 2) px. place: (3, 2) mm of a pixel's u, v and 1."""
+        mm = at @ place[:2] + place[2]
+        area = signed_area(mm)
+        out, outward = normals(at), normals(_lowest(_SHAPE) @ mm) * np.sign(area)
+        mm_per_px = ((out @ place[:2]) * outward).sum(axis=1)
+        seen = across(at, out, picture, inside)
+        return cls(math.sqrt(abs(area) / math.pi), out, outward, mm_per_px, *seen, inside)
 
 
 class Shadows:
@@ -108,18 +117,39 @@ class Shadows:
         around = Around(ray, rest, self._share(ray, rest), self._optics.rig.prism.index)
         outward = normals(at_mm) * np.sign(signed_area(mm))
         steepest = _DOUBT[-1] * _CONE * at_1_mm / radius_of(mm) ** 2
-        if not reflectances(steepest, outward, *around).min() < _REFLECTS:
+        if not reflectances(np.array([steepest]), outward, around).min() < _REFLECTS:
             return None
         seen = np.column_stack((points_px, np.ones(len(points_px))))
-        place = np.ascontiguousarray(np.linalg.lstsq(seen, mm, rcond=None)[0])
-        grey = region.model.mirrored
-        noise = (self._noise[0] + self._noise[1] * region.scattered * grey) / grey**2
+        place = np.asarray(np.linalg.lstsq(seen, mm, rcond=None)[0], np.float64)
         inside = int(np.clip(round(0.5 * radius_of(points_px)), *_IN_PX))
-        at, open_px = _trimmed(
-            start, place, *around, _CONE * at_1_mm, region.columns, region.model.light, region.scattered,
-            noise / ALIKE_PX, self._blur, inside,
-        )  # fmt: skip
+        at, open_px = self._trimmed(start, place, around, _CONE * at_1_mm, region, inside)
         return Outline(_carried(points_px, start, at - start), _FOLLOWS * open_px)
+
+    def _trimmed(
+        self, at: Float, place: Float, around: Around, push: float, region: Region, inside: int
+    ) -> tuple[Float, float]:
+        """(points (n, 2), rms px by which doubt of the slope moves them). push: slope x radius^2.
+
+        place: (3, 2) mm of a pixel's u, v and 1. inside: px that are looked at.
+        """
+        picture, radius = lit(region.columns, region.model.light), 0.0
+        for _ in range(_PASSES):
+            seen = _Border.of(at, place, picture, inside)
+            if abs(seen.radius - radius) < _SETTLED * radius:
+                break
+            border, radius = seen, seen.radius
+            slope = push / radius**2
+            at = at + self._moved(border, slope, around, region)[:, None] * border.out
+        less, more = (self._moved(border, share * slope, around, region) for share in _DOUBT)
+        return at, float(np.sqrt(np.mean((0.5 * (less - more)) ** 2)))
+
+    def _moved(self, border: _Border, slope: float, around: Around, region: Region) -> Float:
+        """(n,) px to where the levels are likeliest; 0 where there is no shadow."""
+        grey = region.model.mirrored
+        noise = (self._noise[0] + self._noise[1] * region.scattered * grey) / grey**2 / ALIKE_PX
+        flank = Flank.of(slope, border.radius, border.mm_per_px, border.outward, around)
+        off = flank.likeliest(border.levels, border.known, self._blur, region.scattered, noise, border.inside)
+        return _lowest(_WAVES) @ np.where(flank.light[:, 0] < _REFLECTS, off, 0.0)
 
     def _share(self, ray: Float, rest: Float) -> Float:
         """(n,) share of s-polarised light; a flank hardly turns the plane of incidence."""
@@ -132,108 +162,13 @@ class Shadows:
 
 def _carried(points: Float, start: Float, moved: Float) -> Float:
     """Points (n, 2) of a closed polygon moved as `start`, evenly on it from its first, was."""
-    line = closed(points)
-    way = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))))
+    way = way_along(points)
     place = np.arange(len(start) + 1) * (way[-1] / len(start))
     return points + np.stack([np.interp(way[:-1], place, closed(moved)[:, k]) for k in (0, 1)], axis=-1)
 
 
-@numba.njit(cache=True, nogil=True)
-def _trimmed(
-    start: Float,
-    place: Float,
-    ray: Float,
-    rest: Float,
-    share: Float,
-    index: float,
-    push: float,
-    columns: Bytes,
-    light_of: Single,
-    own: float,
-    noise: float,
-    blur: Float,
-    inside: int,
-) -> tuple[Float, float]:
-    """(points (n, 2), rms px by which doubt of the slope moves them). push: slope x radius^2."""
-    at, n = start.copy(), len(start)
-    open_px, before = 0.0, 0.0
-    for _ in range(_PASSES):
-        mm = _on_mirror(at, place)
-        area = compiled_moments(mm)[0]
-        radius = math.sqrt(abs(area) / math.pi)
-        if abs(radius - before) < _SETTLED * before:
-            break
-        before = radius
-        out, outward = compiled_normals(at), compiled_normals(_waves(mm, _SHAPE))
-        if area < 0:
-            outward = -outward
-        levels, known = across(at, out, columns, light_of, inside)
-        moved = np.zeros((n, 3))
-        for i in range(n):
-            way = 0.0
-            for k in range(2):
-                way += (out[i, 0] * place[0, k] + out[i, 1] * place[1, k]) * outward[i, k]
-            for h in range(3):
-                slope = _DOUBT[h] * push / radius**2
-                if reflectance(slope, outward[i], ray[i], rest[i], share[i], index) < _REFLECTS:
-                    should = profile(
-                        slope, radius, way, outward[i], ray[i], rest[i], share[i], index, own, noise, blur,
-                        inside,
-                    )  # fmt: skip
-                    moved[i, h] = likeliest(levels[i], known[i], *should, inside)
-        moved = _waves(moved, _WAVES)
-        total = 0.0
-        for i in range(n):
-            total += (0.5 * (moved[i, 0] - moved[i, 2])) ** 2 / n
-            for k in range(2):
-                at[i, k] += moved[i, 1] * out[i, k]
-        open_px = math.sqrt(total)
-    return at, open_px
-
-
-@numba.njit(cache=True, nogil=True)
-def _on_mirror(points: Float, place: Float) -> Float:
-    result = np.empty((len(points), 2))
-    for i in range(len(points)):
-        for k in range(2):
-            result[i, k] = points[i, 0] * place[0, k] + points[i, 1] * place[1, k] + place[2, k]
-    return result
-
-
-@numba.njit(cache=True, nogil=True)
-def _waves(values: Float, most: int) -> Float:
-    """Values (n, k) round a border with only their lowest harmonics."""
-    n, width = values.shape
-    result = np.zeros((n, width))
-    for k in range(width):
-        for wave in range(most + 1):
-            even = odd = 0.0
-            for i in range(n):
-                turn = 2 * math.pi * wave * i / n
-                even += values[i, k] * math.cos(turn)
-                odd += values[i, k] * math.sin(turn)
-            scale = (1.0 if wave == 0 else 2.0) / n
-            for i in range(n):
-                turn = 2 * math.pi * wave * i / n
-                result[i, k] += scale * (even * math.cos(turn) + odd * math.sin(turn))
-    return result
-
-
-def compile_ahead() -> None:
-    """Have the compiled functions ready before the first contact."""
-    square = np.array([[4.0, 4.0], [5.0, 4.0], [5.0, 5.0], [4.0, 5.0]])
-    around = Around(np.ones((4, 3)), np.zeros((4, 2)), np.ones(4), 1.4)
-    reflectances(0.1, square, *around)
-    dark = np.zeros((9, 9), np.uint8)
-    _trimmed(
-        square,
-        np.eye(3)[:, :2].copy(),
-        *around,
-        0.1,
-        dark,
-        np.zeros(LEVELS + 1, np.float32),
-        0.1,
-        1.0,
-        np.ones(3),
-        1,
-    )
+@lru_cache
+def _lowest(most: int) -> Float:
+    """(_POINTS, _POINTS) that leaves of values round a border only their lowest harmonics."""
+    waves = np.exp(2j * np.pi / _POINTS * np.outer(np.arange(_POINTS), np.arange(-most, most + 1)))
+    return np.asarray((waves @ waves.conj().T).real / _POINTS)
