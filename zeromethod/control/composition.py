@@ -15,7 +15,6 @@ predicted ahead by the loop's delay (`zeromethod.control.velocity`); x itself is
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
 from zeromethod.arrays import Float, Mask
@@ -47,76 +46,9 @@ FREEZE_ABOVE = 0.03
 _MIXED = np.uint16(Flag.MIXED)
 
 
-@numba.njit(cache=True)
-def _correct(
-    x: Float,
-    variance: Float,
-    q: Float,
-    q_rest: Float,
-    sigma: Float,
-    valid: Mask,
-    least: float,
-    most: float,
-    scratch: Float,
-    gain: Float,
-    target: Float,
-    radius: int,
-) -> None:
-    """Gain per node and target = x + K (z - x) at valid nodes (x elsewhere); variance is updated.
-
-    radius: of the boxes, nodes; as an argument, as boxes of a fixed one would be compiled again.
-    """
-    rows, cols = valid.shape
-    innovation, count, box = scratch[0], scratch[1], scratch[2]
-    for j in range(rows):
-        for i in range(cols):
-            innovation[j, i] = 0.0
-            count[j, i] = 0.0
-            if valid[j, i]:
-                count[j, i] = 2.0
-                for k in range(2):
-                    e = q[j, i, k] - q_rest[j, i, k] - x[j, i, k]
-                    expected = sigma[j, i, k] * sigma[j, i, k] + variance[j, i, k]
-                    innovation[j, i] += e * e / max(expected, 1e-12)
-    box_sum(innovation, radius, box)
-    box_sum(count, radius, innovation)
-    for j in range(rows):
-        for i in range(cols):
-            gain[j, i] = 0.0
-            for k in range(2):
-                target[j, i, k] = x[j, i, k]
-            if valid[j, i]:
-                # S = box / innovation; both are positive at a valid node unless nothing moved at all.
-                kalman = 1.0 - MARGIN * innovation[j, i] / max(box[j, i], 1e-12)
-                share = min(max(kalman, least), most)
-                gain[j, i] = share
-                rest = 1.0 - share
-                for k in range(2):
-                    target[j, i, k] += share * (q[j, i, k] - q_rest[j, i, k] - x[j, i, k])
-                    r = sigma[j, i, k] * sigma[j, i, k]
-                    variance[j, i, k] = rest * rest * variance[j, i, k] + share * share * r
-
-
-@numba.njit(cache=True)
-def _drop_unobservable(target: Float, observable: Float, gain: Float, valid: Mask, x: Float) -> None:
-    """Set x to target less a share K of its unobservable part; less all of it where nothing is measured.
-
-    Taking out all of it everywhere would cost every dent the pass band's ripple over K, not the ripple.
-    """
-    for j in range(valid.shape[0]):
-        for i in range(valid.shape[1]):
-            share = gain[j, i] if valid[j, i] else 1.0
-            for k in range(2):
-                x[j, i, k] = target[j, i, k] + share * (observable[j, i, k] - target[j, i, k])
-
-
-@numba.njit(cache=True)
-def _from_rest(rest: Float, x: Float, estimate: Float, commanded: Float) -> None:
-    """Rest and x, twice."""
-    for j in range(x.shape[0]):
-        for i in range(x.shape[1]):
-            for k in range(2):
-                estimate[j, i, k] = commanded[j, i, k] = rest[j, i, k] + x[j, i, k]
+def _pairs(values: Float) -> Float:
+    """Values of nodes (rows, cols) for both components, (rows, cols, 2)."""
+    return np.stack([values, values], axis=-1)
 
 
 class Composition:
@@ -141,9 +73,7 @@ class Composition:
         self._x = np.zeros(shape)
         self._variance = np.zeros(shape)
         self._flags = rest.flags.copy()
-        self._target = np.empty(shape)
         self._observable = np.empty(shape)
-        self._scratch = np.empty((3, *shape[:2]))
         self.gain = np.zeros(shape[:2])
         """(rows, cols) K of the last update; 0 where nothing was measured."""
         self._predictor = VelocityPredictor(rest)
@@ -170,21 +100,8 @@ class Composition:
         valid = measured.valid
         if not valid.any():
             return False
-        x, target = self._x, self._target
-        _correct(
-            x,
-            self._variance,
-            measured.q,
-            self._rest.q,
-            measured.sigma,
-            valid,
-            self._least,
-            self._most,
-            self._scratch,
-            self.gain,
-            target,
-            RADIUS,
-        )
+        x = self._x
+        target = self._corrected(measured, valid)
         if unsteady is not None:
             slow = np.where(valid, SLOW_GAIN, 0.0)[unsteady]
             self.gain[unsteady] = slow
@@ -193,12 +110,38 @@ class Composition:
             valid = valid | unsteady
         continue_smoothly(target, self._own_side.extended(target, valid), out=target)
         observable = observable_part(target, out=self._observable)
-        _drop_unobservable(target, observable, self.gain, valid, x)
+        # Of the unobservable part a share K, and all of it where nothing is measured: all of it everywhere
+        # would cost every dent the pass band's ripple over K, not the ripple.
+        np.subtract(observable, target, out=x)
+        x *= _pairs(np.where(valid, self.gain, 1.0))
+        x += target
         self._flags = measured.flags
-        self.estimate, self.commanded = np.empty_like(x), np.empty_like(x)
-        _from_rest(self._rest.q, x, self.estimate, self.commanded)
+        self.estimate = self._rest.q + x
+        self.commanded = self.estimate.copy()
         self._predictor.add(self.commanded, x, self.gain, measured.time_ns, horizon_s)
         return True
+
+    def _corrected(self, measured: Warp, valid: Mask) -> Float:
+        """x + K (z - x) at valid nodes, x elsewhere; K and the variance are updated."""
+        away = measured.q - self._rest.q
+        away -= self._x
+        noise = measured.sigma**2
+        if not valid.all():
+            unknown = _pairs(~valid)
+            away[unknown] = noise[unknown] = 0.0
+        expected = noise + self._variance
+        innovation = away * away
+        innovation /= np.maximum(expected, 1e-12, out=expected)
+        total = box_sum(innovation[..., 0] + innovation[..., 1], RADIUS)
+        # S = total / count; both are positive at a valid node unless nothing moved at all
+        count = box_sum(2.0 * valid, RADIUS)
+        self.gain = np.clip(1.0 - MARGIN * count / np.maximum(total, 1e-12), self._least, self._most) * valid
+        share = _pairs(self.gain)
+        self._variance *= (1.0 - share) ** 2
+        self._variance += share**2 * noise
+        away *= share
+        away += self._x
+        return away
 
     def filtered(self, time_ns: int) -> Warp:
         """The estimate, without prediction; sigma by the filter's recursion, flags of the last frame."""
