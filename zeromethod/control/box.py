@@ -13,8 +13,8 @@ from zeromethod.arrays import Float
 def box_sum(field: Float, radius: int) -> Float:
     """Sum of `field` (rows, cols) over the (2 radius + 1)^2 nodes around each; nothing beyond the edge."""
     side = 2 * radius + 1
-    total: Float = cv2.boxFilter(field, -1, (side, side), normalize=False, borderType=cv2.BORDER_CONSTANT)
-    return total
+    total = cv2.boxFilter(field, -1, (side, side), normalize=False, borderType=cv2.BORDER_CONSTANT)
+    return np.asarray(total, np.float64)
 
 
 def box_mean(field: Float, radius: int) -> Float:

@@ -22,6 +22,7 @@ from zeromethod.control.box import box_sum
 from zeromethod.control.own_side import OwnSide
 from zeromethod.control.velocity import VelocityPredictor
 from zeromethod.sensing.residual import Residual
+from zeromethod.warp.components import blank, twice
 from zeromethod.warp.continuation import continue_smoothly
 from zeromethod.warp.observable import observable_part
 from zeromethod.warp.rest import Rest
@@ -44,11 +45,6 @@ FREEZE_ABOVE = 0.03
 """Share of the nodes with mixed pictures above which the whole command is frozen."""
 
 _MIXED = np.uint16(Flag.MIXED)
-
-
-def _pairs(values: Float) -> Float:
-    """Values of nodes (rows, cols) for both components, (rows, cols, 2)."""
-    return np.stack([values, values], axis=-1)
 
 
 class Composition:
@@ -113,7 +109,7 @@ class Composition:
         # Of the unobservable part a share K, and all of it where nothing is measured: all of it everywhere
         # would cost every dent the pass band's ripple over K, not the ripple.
         np.subtract(observable, target, out=x)
-        x *= _pairs(np.where(valid, self.gain, 1.0))
+        x *= twice(np.where(valid, self.gain, 1.0))
         x += target
         self._flags = measured.flags
         self.estimate = self._rest.q + x
@@ -122,13 +118,13 @@ class Composition:
         return True
 
     def _corrected(self, measured: Warp, valid: Mask) -> Float:
-        """x + K (z - x) at valid nodes, x elsewhere; K and the variance are updated."""
+        """X + K (z - x) at valid nodes, x elsewhere; K and the variance are updated."""
         away = measured.q - self._rest.q
         away -= self._x
         noise = measured.sigma**2
-        if not valid.all():
-            unknown = _pairs(~valid)
-            away[unknown] = noise[unknown] = 0.0
+        unknown = ~valid
+        blank(away, unknown, 0.0)
+        blank(noise, unknown, 0.0)
         expected = noise + self._variance
         innovation = away * away
         innovation /= np.maximum(expected, 1e-12, out=expected)
@@ -136,7 +132,7 @@ class Composition:
         # S = total / count; both are positive at a valid node unless nothing moved at all
         count = box_sum(2.0 * valid, RADIUS)
         self.gain = np.clip(1.0 - MARGIN * count / np.maximum(total, 1e-12), self._least, self._most) * valid
-        share = _pairs(self.gain)
+        share = twice(self.gain)
         self._variance *= (1.0 - share) ** 2
         self._variance += share**2 * noise
         away *= share

@@ -32,9 +32,7 @@ _ORDERS = 8
 _UNKNOWN = _ORDERS + 1
 
 
-def _off_line(
-    slope: Float, x: Float, valid: Mask, row: Ints, first: Ints, end: Ints
-) -> tuple[Float, Float]:
+def _off_line(slope: Float, x: Float, valid: Mask, row: Ints, first: Ints, end: Ints) -> tuple[Float, Float]:
     """Difference of rows' slopes beyond gaps from their straight continuation, and its error by curvature.
 
     slope, x, valid: (rows, cols). row, first, end: (n,) as `gaps` has them. A slope is taken to go on in a
@@ -78,8 +76,8 @@ class _Rows:
 
     Slopes are in the slope that moves the picture by one period, so that an error of the order changes them
     by whole numbers although rays on the two sides of a seam differ in length. seams: (rows, cols) number of
-    the seam, 0 for none. gaps: row, first column and that after the last (n,) of a row's nodes without a value
-    at a seam, `of_gap` its number. off: (2, n) difference of the slopes beyond them from a straight line.
+    the seam, 0 for none. gaps: row, first column and that after the last (n,) of runs of nodes without a
+    value at a seam, `of_gap` its number. off: (2, n) difference of the slopes beyond them from a straight line.
     orders: (2, seams + 1) periods by which nodes beyond each seam are off; `_UNKNOWN` where rows disagree.
     """
 

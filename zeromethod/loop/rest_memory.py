@@ -10,13 +10,12 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 from scipy.ndimage import maximum_filter
 
 from zeromethod.arrays import Float, Mask
-from zeromethod.loop.node_figures import at_rest
-from zeromethod.rounding import REORDERED
+from zeromethod.loop.node_figures import at_rest, block_sums
+from zeromethod.warp.components import blank, squared_length
 from zeromethod.warp.warp import Warp
 
 REST_BLOCK = 4
@@ -102,7 +101,7 @@ class RestMemory:
         if self._frames == 0:
             return 0.0
         noises = SIGMAS * np.sqrt(1.0 + 1.0 / self._frames)
-        given = away, self.off, self._open, sigma, valid & self._known, PART, noises
+        given = away, self.off, self._open, sigma, valid & self._known, noises
         pressed, nodes, mean = _unlike(*given, np.zeros((*self._terms.shape[:2], 2)))
         if pressed > 0.0:
             terms = self._terms * (nodes >= LEAST_NODES)[..., None]
@@ -111,37 +110,8 @@ class RestMemory:
         return float(pressed)
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
-def _add_row(
-    away: Float, off: Float, dirt: Float, sigma: Float, known: Mask, noises: float, drift: Float, sums: Float
-) -> None:
-    """Add one row of nodes, both components in turn (n,), to `sums` (6, n).
-
-    Those are displacements since rest, these over their limits, and those from the untouched mirror over
-    theirs; and the squares of all. Arguments are one row of those of `_unlike`. As lines, so that they are
-    vectorised.
-    """
-    s0, s1, s2, s3, s4, s5 = sums[0], sums[1], sums[2], sums[3], sums[4], sums[5]
-    for n in range(len(known)):
-        raw = away[n] - drift[n]
-        now = raw - off[n]
-        limit = WITHIN_LCD_PX + noises * sigma[n]
-        wider = limit + dirt[n]
-        per = 1.0 / (limit * wider)
-        now = now if known[n] else 0.0
-        as_it_was = now * (per * limit) if known[n] else 0.0
-        untouched = raw * (per * wider) if known[n] else 0.0
-        s0[n] += now
-        s1[n] += as_it_was
-        s2[n] += untouched
-        s3[n] += now * now
-        s4[n] += as_it_was * as_it_was
-        s5[n] += untouched * untouched
-
-
-@numba.njit(cache=True)
 def _unlike(
-    away: Float, off: Float, dirt: Float, sigma: Float, valid: Mask, side: int, noises: float, drift: Float
+    away: Float, off: Float, dirt: Float, sigma: Float, valid: Mask, noises: float, drift: Float
 ) -> tuple[float, Float, Float]:
     """Largest rms of a part that is neither as it was nor where the untouched mirror is, LCD px.
 
@@ -150,38 +120,24 @@ def _unlike(
     of away - off, 0 where they are too few.
     """
     rows, cols = valid.shape
-    down, across = drift.shape[:2]
-    counts, means, worst = np.zeros((down, across)), np.zeros((down, across, 2)), 0.0
-    sums, part = np.zeros((6, 2 * cols)), np.zeros((6, 2))
-    of_row, known, seen = np.zeros((cols, 2)), np.zeros((cols, 2), np.bool_), np.zeros(cols)
-    for top in range(down):
-        sums[:], seen[:] = 0.0, 0.0
-        for i in range(cols):
-            of_row[i] = drift[top, i // side]
-        for j in range(top * side, min((top + 1) * side, rows)):
-            for i in range(cols):
-                known[i, 0] = known[i, 1] = valid[j, i]
-                seen[i] += valid[j, i]
-            lines = away[j].reshape(-1), off[j].reshape(-1), dirt[j].reshape(-1), sigma[j].reshape(-1)
-            _add_row(*lines, known.reshape(-1), noises, of_row.reshape(-1), sums)
-        for left in range(across):
-            nodes = seen[left * side : (left + 1) * side].sum()
-            if nodes < LEAST_NODES:
-                continue
-            counts[top, left], part[:] = nodes, 0.0
-            for one in range(6):
-                for i in range(left * side, min((left + 1) * side, cols)):
-                    part[one, 0] += sums[one, 2 * i]
-                    part[one, 1] += sums[one, 2 * i + 1]
-            means[top, left] = part[0] / nodes + drift[top, left]
-            # as it was, or as the untouched mirror is: something may have lifted since
-            if not (_within(part[1], part[4], nodes) or _within(part[2], part[5], nodes)):
-                worst = max(worst, math.sqrt(0.5 * (part[3, 0] + part[3, 1]) / nodes))
+    raw = away - drift.repeat(PART, axis=0)[:rows].repeat(PART, axis=1)[:, :cols]
+    now, limit = raw - off, WITHIN_LCD_PX + noises * sigma
+    for values, nothing in ((raw, 0.0), (now, 0.0), (limit, 1.0)):
+        blank(values, ~valid, nothing)
+    nodes = block_sums(valid.astype(float), PART, PART)
+    enough = nodes >= LEAST_NODES
+    counts = np.where(enough, nodes, 0.0)
+    per_node = np.where(enough, 1.0 / np.maximum(nodes, 1.0), 0.0)
+    means = (block_sums(now, PART, PART) * per_node[..., None] + drift) * enough[..., None]
+    # as it was, or as the untouched mirror is: something may have lifted since
+    either = _within(now / (limit + dirt), nodes) | _within(raw / limit, nodes)
+    square = block_sums(0.5 * squared_length(now), PART, PART) * per_node
+    worst = math.sqrt(np.max(square, where=~either, initial=0.0))
     return worst, counts, means
 
 
-@numba.njit(cache=True)
-def _within(sums: Float, squares: Float, nodes: float) -> bool:
-    """Whether nodes are within their limits: sums of both displacements over these, and of their squares."""
-    within = 0.5 * (squares[0] + squares[1]) <= nodes
-    return bool(within and max(abs(sums[0]), abs(sums[1])) <= 0.5 * nodes)
+def _within(over: Float, nodes: Float) -> Mask:
+    """Whether parts are within their limits: displacements (rows, cols, 2) over these, 0 where not known."""
+    square = block_sums(0.5 * squared_length(over), PART, PART)
+    sums = np.abs(block_sums(over, PART, PART)).max(axis=-1)
+    return np.asarray((square <= nodes) & (sums <= 0.5 * nodes))
