@@ -15,14 +15,16 @@ predicted ahead by the loop's delay (`zeromethod.control.velocity`); x itself is
 
 from __future__ import annotations
 
+import numba
 import numpy as np
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.control.box import box_sum
 from zeromethod.control.own_side import OwnSide
 from zeromethod.control.velocity import VelocityPredictor
+from zeromethod.kernels import kernel, read
 from zeromethod.sensing.residual import Residual
-from zeromethod.warp.components import blank, twice
+from zeromethod.warp.components import twice
 from zeromethod.warp.continuation import continue_smoothly
 from zeromethod.warp.observable import observable_part
 from zeromethod.warp.rest import Rest
@@ -45,6 +47,40 @@ FREEZE_ABOVE = 0.03
 """Share of the nodes with mixed pictures above which the whole command is frozen."""
 
 _MIXED = np.uint16(Flag.MIXED)
+
+
+@kernel(
+    read(numba.float64, 3), read(numba.float64, 3), read(numba.boolean, 2), read(numba.float64, 2),
+    read(numba.float64, 2), numba.float64, numba.float64, numba.float64[:, :, ::1], numba.float64[:, ::1],
+    numba.float64[:, :, ::1],
+)  # fmt: skip
+def _correct(
+    away: Float,
+    sigma: Float,
+    valid: Mask,
+    total: Float,
+    count: Float,
+    least: float,
+    most: float,
+    variance: Float,
+    gain: Float,
+    x: Float,
+) -> None:
+    """Add K (z - x) to x and update the variance at valid nodes; K, 0 elsewhere, in `gain`.
+
+    away: z - x. total, count: sum of squared innovations over their variance, and their number, of which S is
+    the ratio; both are positive at a valid node unless nothing moved at all.
+    """
+    for j in range(valid.shape[0]):
+        for i in range(valid.shape[1]):
+            gain[j, i] = 0.0
+            if valid[j, i]:
+                share = min(max(1.0 - MARGIN * count[j, i] / max(total[j, i], 1e-12), least), most)
+                gain[j, i] = share
+                for k in range(2):
+                    x[j, i, k] += share * away[j, i, k]
+                    kept, new = (1.0 - share) ** 2 * variance[j, i, k], (share * sigma[j, i, k]) ** 2
+                    variance[j, i, k] = kept + new
 
 
 class Composition:
@@ -118,26 +154,17 @@ class Composition:
         return True
 
     def _corrected(self, measured: Warp, valid: Mask) -> Float:
-        """X + K (z - x) at valid nodes, x elsewhere; K and the variance are updated."""
+        """The sum x + K (z - x) at valid nodes, x elsewhere; K and the variance are updated."""
         away = measured.q - self._rest.q
         away -= self._x
-        noise = measured.sigma**2
-        unknown = ~valid
-        blank(away, unknown, 0.0)
-        blank(noise, unknown, 0.0)
-        expected = noise + self._variance
         innovation = away * away
-        innovation /= np.maximum(expected, 1e-12, out=expected)
-        total = box_sum(innovation[..., 0] + innovation[..., 1], RADIUS)
-        # S = total / count; both are positive at a valid node unless nothing moved at all
-        count = box_sum(2.0 * valid, RADIUS)
-        self.gain = np.clip(1.0 - MARGIN * count / np.maximum(total, 1e-12), self._least, self._most) * valid
-        share = twice(self.gain)
-        self._variance *= (1.0 - share) ** 2
-        self._variance += share**2 * noise
-        away *= share
-        away += self._x
-        return away
+        innovation /= np.maximum(measured.sigma**2 + self._variance, 1e-12)
+        over: Float = np.where(valid, innovation[..., 0] + innovation[..., 1], 0.0)
+        sums = box_sum(over, RADIUS), box_sum(2.0 * valid, RADIUS)
+        target = self._x.copy()
+        limits = self._least, self._most
+        _correct(away, measured.sigma, valid, *sums, *limits, self._variance, self.gain, target)
+        return target
 
     def filtered(self, time_ns: int) -> Warp:
         """The estimate, without prediction; sigma by the filter's recursion, flags of the last frame."""

@@ -27,10 +27,12 @@ from __future__ import annotations
 import math
 from collections import deque
 
+import numba
 import numpy as np
 
 from zeromethod.arrays import Float
 from zeromethod.control.box import box_mean, box_sum
+from zeromethod.kernels import kernel, read
 from zeromethod.warp.rest import Rest
 
 RADIUS = 3
@@ -81,14 +83,43 @@ class Horizon:
 
 def _dot(a: Float, b: Float) -> Float:
     """Products (rows, cols) of vectors, components first: (2, rows, cols)."""
-    x, y = a * b
-    x += y
-    return x
+    both = a * b
+    total: Float = both[0] + both[1]
+    return total
 
 
-def _largest(vectors: Float) -> float:
-    """Length of the largest of vectors (2, rows, cols)."""
-    return math.sqrt(_dot(vectors, vectors).max())
+@kernel(
+    read(numba.float64, 3), read(numba.float64, 2), read(numba.float64, 3), read(numba.float64, 1),
+    numba.float64, read(numba.float64, 3), numba.float64[:, :, ::1], numba.float64[::1],
+)  # fmt: skip
+def _wanted(
+    v: Float,
+    share: Float,
+    q: Float,
+    horizon_s: Float,
+    entries_per_row: float,
+    shift: Float,
+    change: Float,
+    squares: Float,
+) -> None:
+    """What share v h changes of a shift, in `change`; those arrays have components first, q has them last.
+
+    squares: of the largest v, share v h, shift, and change; 0 before.
+    """
+    end = horizon_s.size - 1
+    for j in range(share.shape[0]):
+        for i in range(share.shape[1]):
+            x = min(max(q[j, i, 1] * entries_per_row, 0.0), float(end))
+            n = min(int(x), end - 1)
+            ahead_s = share[j, i] * (horizon_s[n] + (x - n) * (horizon_s[n + 1] - horizon_s[n]))
+            a, b, c, d = v[0, j, i], v[1, j, i], shift[0, j, i], shift[1, j, i]
+            squares[0] = max(squares[0], a * a + b * b)
+            a, b = ahead_s * a, ahead_s * b
+            squares[1] = max(squares[1], a * a + b * b)
+            squares[2] = max(squares[2], c * c + d * d)
+            a, b = a - c, b - d
+            squares[3] = max(squares[3], a * a + b * b)
+            change[0, j, i], change[1, j, i] = a, b
 
 
 def _ramp(values: Float, start: float, end: float) -> Float:
@@ -135,18 +166,18 @@ class VelocityPredictor:
             self._shift[:] = 0.0
         self._moves = moves
         if moves and horizon_s is not None:
-            rows = np.linspace(0.0, self._panel_rows - 1.0, horizon_s.size)
-            ahead_s = np.interp(q[..., 1], rows, horizon_s)
-            ahead_s *= self._trust(gain)
-            wanted = ahead_s * self._v
-            change = wanted - self._shift
+            change, squares = np.empty_like(self._v), np.zeros(4)
+            per_row = (horizon_s.size - 1) / (self._panel_rows - 1)
+            _wanted(self._v, self._trust(gain), q, horizon_s, per_row, self._shift, change, squares)
+            speed, most, before, largest = np.sqrt(squares)
             part = 1.0
-            if _largest(wanted) > _largest(self._shift):
-                room = max(self._largest_jump - _largest(self._v) * since_s, 0.5 * self._largest_jump)
-                part = min(1.0, room / _largest(change))
+            if most > before:
+                room = max(self._largest_jump - speed * since_s, 0.5 * self._largest_jump)
+                part = min(1.0, room / largest)
             change *= part
             self._shift += change
-            q += np.stack([self._shift[0], self._shift[1]], axis=-1)
+            q[..., 0] += self._shift[0]
+            q[..., 1] += self._shift[1]
 
     def _trust(self, gain: Float) -> Float:
         """Share (rows, cols) of v to predict with, by the agreement of this step and the last."""

@@ -77,7 +77,7 @@ class _Rows:
     Slopes are in the slope that moves the picture by one period, so that an error of the order changes them
     by whole numbers although rays on the two sides of a seam differ in length. seams: (rows, cols) number of
     the seam, 0 for none. gaps: row, first column and that after the last (n,) of runs of nodes without a
-    value at a seam, `of_gap` its number. off: (2, n) difference of the slopes beyond them from a straight line.
+    value at a seam, `of_gap` its number. off: (2, n) difference of slopes beyond them from a straight line.
     orders: (2, seams + 1) periods by which nodes beyond each seam are off; `_UNKNOWN` where rows disagree.
     """
 

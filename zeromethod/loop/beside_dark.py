@@ -60,7 +60,8 @@ class BesideDark:
             self._near[:] = 0
             return sigma_px
         self._near = _near(dark)
-        return np.sqrt(sigma_px**2 + twice(self._edge_px2[self._near]))
+        wider: Float = np.sqrt(sigma_px**2 + twice(self._edge_px2[self._near]))
+        return wider
 
     def learn(self, flags: Flags) -> None:
         """Take in the flags (rows, cols) of the frame that `flag` saw last, with all that was added since."""

@@ -19,9 +19,12 @@ import math
 from typing import Any
 
 import cv2
+import numba
 import numpy as np
+from numpy.typing import NDArray
 
 from zeromethod.arrays import Float, Ints, Single
+from zeromethod.kernels import kernel, piece, read
 from zeromethod.sensing.residual import Residual
 from zeromethod.sensing.shading import LARGEST_STRAIN, STEADY_BEND
 from zeromethod.warp.validity import Flag
@@ -66,7 +69,8 @@ class LostLight:
             _widen_at_edges(residual, self._black, self._period_px)
         else:
             nothing = NOISES2 * (1.0 + 1.0 / self._frames)
-            _widen(residual, self._rest, self._black, self._px_per_rad, nothing)
+            light = _over_rest(residual, self._rest, self._black)
+            _widen(light, self._rest, residual.modulation, self._px_per_rad, nothing, residual.sigma)
 
 
 def _leak(residual: Residual, period_px: float, r: Ints, c: Ints, way: int) -> Float:
@@ -88,27 +92,25 @@ def _leak(residual: Residual, period_px: float, r: Ints, c: Ints, way: int) -> F
     return leaked
 
 
+def _line(values: NDArray[Any], way: int) -> list[NDArray[Any]]:
+    """Values before, at, and after the inner nodes, along a row (way 0) or a column (1)."""
+    down, across = ([slice(1 + by, size - 1 + by) for by in (-1, 0, 1)] for size in values.shape)
+    return [values[one, 1:-1] for one in down] if way else [values[1:-1, one] for one in across]
+
+
 def _widen_at_edges(residual: Residual, black: float, period_px: float) -> None:
     """Add to sigma, px, what edges of the light at a node, or next to it, may do."""
-    good, sigma, (rows, cols) = residual.valid, residual.sigma, residual.mean.shape
-    light = residual.mean.astype(float) - black
-    noise2 = NOISES2 * np.minimum(sigma[..., 0], sigma[..., 1]) ** 2
-    off2 = np.zeros((rows, cols))
+    valid, sigma, light = residual.valid, residual.sigma, residual.mean.astype(float) - black
+    noise2 = NOISES2 * np.where(valid, np.minimum(sigma[..., 0], sigma[..., 1]), 0.0) ** 2
+    off2, per_light = np.zeros(valid.shape), BEND_PERIODS * period_px
     for way in range(2):
-        (before, now, after), known = (
-            [
-                one[1 + n * way : rows - 1 + n * way, 1 + n * (1 - way) : cols - 1 + n * (1 - way)]
-                for n in (-1, 0, 1)
-            ]
-            for one in (light, good)
-        )
-        bend = BEND_PERIODS * period_px * np.abs(before - 2 * now + after)
-        bent = bend**2 > noise2[1:-1, 1:-1] * now**2
+        (before, now, after), known = _line(light, way), _line(valid, way)
+        bend = np.abs(before - 2 * now + after)
+        bent = (per_light * bend) ** 2 > noise2[1:-1, 1:-1] * now**2
         j, i = np.nonzero(bent & known[0] & known[1] & known[2])
         r, c = j + 1, i + 1
-        leaked = BEND_PERIODS * period_px * 4 * _leak(residual, period_px, r, c, way)
-        by = np.maximum(bend[j, i] - leaked, 0.0) / now[j, i]
-        off2[r, c] = np.maximum(off2[r, c], by**2 - noise2[r, c])
+        left = np.maximum(bend[j, i] - 4 * _leak(residual, period_px, r, c, way), 0.0)
+        off2[r, c] = np.maximum(off2[r, c], (per_light * left / now[j, i]) ** 2 - noise2[r, c])
     most2 = cv2.dilate(off2, np.ones((3, 3), np.uint8))
     wide = most2 > 0.0
     sigma[wide] = np.sqrt(sigma[wide] ** 2 + most2[wide, None])
@@ -122,44 +124,49 @@ def _over_rest(residual: Residual, rest: Single, black: float) -> Single:
     return out
 
 
-def _lacks(seen: list[Any]) -> tuple[Any, Any]:
-    """Light that nodes lack by those on both sides, 0 for none; whether it is known on both.
+@piece
+def _lack(before2: float, before: float, now: float, after: float, after2: float) -> tuple[float, float]:
+    """Light that a node lacks, 0 for none, by those on both sides; variance of the difference over its own.
 
-    seen: light of the two before them, of themselves, and of the two after, as arrays of one shape. By those
-    on a straight line between two, or through two on one side; 0 where they are not known.
+    That of one and of those on a straight line between two, or through two on one side; 0: not known.
     """
-    before2, before, now, after, after2 = seen
-    both = (before > 0) & (after > 0)
-    near, further = before + after, np.where(after > 0, after2, before2)
-    onward = np.where((near > 0) & (further > 0), 2 * near - further, 0)
-    return np.maximum(np.where(both, near / 2, onward) - now, 0), both
+    near, further = before + after, after2 if after > 0.0 else before2
+    if before > 0.0 and after > 0.0:
+        return max(0.5 * near - now, 0.0), 1.5
+    return (max(2.0 * near - further - now, 0.0) if near > 0.0 and further > 0.0 else 0.0), 6.0
 
 
-def _widen(residual: Residual, rest: Single, black: float, px_per_rad: float, nothing: float) -> None:
+@kernel(
+    read(numba.float32, 2), read(numba.float32, 2), read(numba.float32, 3),
+    numba.float64, numba.float64, numba.float64[:, :, ::1],
+)  # fmt: skip
+def _widen(
+    light: Single, rest: Single, modulation: Single, px_per_rad: float, nothing: float, sigma: Float
+) -> None:
     """Add to sigma (rows, cols, 2), px, what lost light may do, beyond `nothing` variances of noise.
 
-    The noise of a node's light would by itself move its phase, by that rule, by one sigma. Single precision
-    finds the few nodes that may lack light; they are worked out in double.
+    The noise of a node's light would by itself move its phase, by that rule, by one sigma. light: as
+    `_over_rest` has it.
     """
-    light, sigma, by = _over_rest(residual, rest, black), residual.sigma, APART_NODES
-    rows, cols = light.shape
-    far = np.arange(-2, 3) * by
-    at = _BEYOND + by
-    height, width = rows - 2 * at, cols - 2 * at
-    down = _lacks([light[at + to : at + to + height, at : at + width] for to in far])[0]
-    across = _lacks([light[at : at + height, at + to : at + to + width] for to in far])[0]
-    noise = residual.modulation * sigma.astype(np.float32)
-    least = np.minimum(noise[..., 0], noise[..., 1])
-    cut = 0.99 * math.sqrt(0.75 * nothing) / px_per_rad  # but for rounding what is added below, or less
-    here = slice(by, -by), slice(by, -by)
-    may = (np.maximum(down, across) * rest[here] > np.float32(cut) * least[here]) & (rest[here] > 0)
-    j, i = (found + by for found in np.nonzero(may & residual.valid[here]))
-    own2 = sigma[j, i] ** 2
-    per_light2 = 2.0 * (px_per_rad * rest[j, i, None] / residual.modulation[j, i]) ** 2
-    more = np.zeros_like(own2)
-    for along in (far[:, None], 0), (0, far[:, None]):
-        seen = light[j + _BEYOND + along[0], i + _BEYOND + along[1]].astype(float)
-        lack, both = _lacks(seen)
-        variance = np.where(both, 1.5, 6.0)
-        more = np.maximum(more, per_light2 * lack[:, None] ** 2 - nothing * variance[:, None] * own2)
-    sigma[j, i] = np.sqrt(own2 + more)
+    by = APART_NODES
+    for j in range(by, rest.shape[0] - by):
+        for i in range(by, rest.shape[1] - by):
+            r, c = j + _BEYOND, i + _BEYOND
+            now = light[r, c]
+            if not now > 0.0:
+                continue
+            down, noise_down = _lack(
+                light[r - 2 * by, c], light[r - by, c], now, light[r + by, c], light[r + 2 * by, c]
+            )
+            across, noise_across = _lack(
+                light[r, c - 2 * by], light[r, c - by], now, light[r, c + by], light[r, c + 2 * by]
+            )
+            if down == 0.0 and across == 0.0:
+                continue
+            lost2 = 2.0 * (px_per_rad * rest[j, i]) ** 2
+            for k in range(2):
+                amplitude2, own2 = float(modulation[j, i, k]) ** 2, sigma[j, i, k] ** 2
+                by_down = lost2 * down**2 - nothing * noise_down * own2 * amplitude2
+                by_across = lost2 * across**2 - nothing * noise_across * own2 * amplitude2
+                if by_down > 0.0 or by_across > 0.0:
+                    sigma[j, i, k] = math.sqrt(own2 + max(by_down, by_across) / amplitude2)

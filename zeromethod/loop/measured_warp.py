@@ -64,7 +64,7 @@ def _propagate(shown: Float, sigma_px: Float, spacing_px: float) -> Float:
     across *= across
     along += across
     sigma = np.sqrt(along, out=along)
-    blank(sigma, ~np.isfinite(sigma_px[..., 0] + sigma_px[..., 1]), np.inf)
+    np.copyto(sigma, np.inf, where=np.isnan(sigma))
     return sigma
 
 

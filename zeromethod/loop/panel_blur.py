@@ -20,6 +20,7 @@ light's change with slope.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numba
 import numpy as np
@@ -59,6 +60,8 @@ class PanelBlur:
         self._wavenumber = 0.0 if rig.target.kind == "noise" else 2 * math.pi / grid.period_px
         self._image_px2 = rig.camera.psf_px**2 + 1 / 12
         self._sums = np.zeros(2)
+        self._rest: Float | None = None
+        self._squares_at_rest: tuple[Float, Float]
 
     def learn(self, shown: Float, rest: Float, residual: Residual, valid: Mask, rms_px: float) -> None:
         """Take in what one frame says. shown, rest: (rows, cols, 2) LCD px; rms_px: of its residual."""
@@ -92,21 +95,25 @@ class PanelBlur:
 
         By every second node on each axis.
         """
-        modulation, sigma = residual.modulation[_SOME].astype(float), residual.sigma[_SOME]
+        modulation, sigma = residual.modulation[_SOME].astype(float), residual.sigma[_SOME].copy()
         light = residual.mean[_SOME] - self._black
-        squares, at_rest = (self._squared_gradients(q) for q in (shown, rest))
+        if rest is not self._rest:
+            self._rest, self._squares_at_rest = rest, self._squared_gradients(rest)
+        squares, at_rest = self._squared_gradients(shown), self._squares_at_rest
         steepest = (2 * math.pi / self._wavenumber / _CLEAR_LCD_PX) ** 2
         good = valid[_SOME] & (light > 0.0) & ~(np.maximum(squares[0], squares[1]) > steepest)
-        light = np.where(good, light, np.nan)
+        light = np.where(good, light, 1.0)
+        known = good & np.isfinite(squares[0] - at_rest[0])
         product = square = 0.0
         for k in range(2):
             contrast = np.log(np.maximum(modulation[..., k], 1e-9) / light)
             expected = -0.5 * self._wavenumber**2 * (squares[k] - at_rest[k])
             for axis in range(2):
-                y, x = _bend(contrast, axis), _bend(expected, axis)
-                known = np.isfinite(x) & np.isfinite(y)
-                product += float((x[known] * y[known]).sum())
-                square += float((x[known] ** 2).sum())
+                before, middle, after = _apart(known, axis)
+                all_known = before & middle & after
+                y, x = (_bend(values, axis)[all_known] for values in (contrast, expected))
+                product += float(x @ y)
+                square += float(x @ x)
         noise = squared_length(sigma)[good].sum() / max(2 * np.count_nonzero(good), 1)
         scatter2 = _FLOOR**2 + self._wavenumber**2 * float(noise)
         return product, square, 6 * _CORRELATED * scatter2
@@ -114,9 +121,9 @@ class PanelBlur:
     def _squared_gradients(self, q: Float) -> tuple[Float, Float]:
         """Of both carriers' camera coordinates on the LCD, (camera px / LCD px)^2, at every second node."""
         half = 0.5 / self._grid.spacing_px
-        along = half * (q[1:-1:2, 2::2] - q[1:-1:2, :-2:2])
-        across = half * (q[2::2, 1:-1:2] - q[:-2:2, 1:-1:2])
-        xu, yu, xv, yv = along[..., 0], along[..., 1], across[..., 0], across[..., 1]
+        along = [half * (one[1:-1:2, 2::2] - one[1:-1:2, :-2:2]) for one in (q[..., 0], q[..., 1])]
+        across = [half * (one[2::2, 1:-1:2] - one[:-2:2, 1:-1:2]) for one in (q[..., 0], q[..., 1])]
+        (xu, yu), (xv, yv) = along, across
         area = xu * yv - xv * yu
         inverse = 1 / np.where(area == 0.0, np.nan, area) ** 2
         uu, vv, uv = (
@@ -127,11 +134,16 @@ class PanelBlur:
         return (uu + 2 * uv + vv, uu - 2 * uv + vv) if self._diagonal else (uu, vv)
 
 
+def _apart(values: Any, axis: int) -> tuple[Any, Any, Any]:
+    """Values of every second node along an axis, `REACH` nodes apart."""
+    lines, by = np.swapaxes(values, 0, axis), REACH // 2
+    return lines[: -2 * by], lines[by:-by], lines[2 * by :]
+
+
 def _bend(values: Float, axis: int) -> Float:
     """Second differences over `REACH` nodes along an axis of every second of them."""
-    lines, by = np.swapaxes(values, 0, axis), REACH // 2
-    bend: Float = lines[2 * by :] + lines[: -2 * by] - 2 * lines[by:-by]
-    return bend
+    before, middle, after = _apart(values, axis)
+    return np.asarray(before + after - 2 * middle)
 
 
 @kernel(

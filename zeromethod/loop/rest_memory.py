@@ -15,7 +15,7 @@ from scipy.ndimage import maximum_filter
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.loop.node_figures import at_rest, block_sums
-from zeromethod.warp.components import blank, squared_length
+from zeromethod.warp.components import blank, squared_length, twice
 from zeromethod.warp.warp import Warp
 
 REST_BLOCK = 4
@@ -100,44 +100,40 @@ class RestMemory:
         """
         if self._frames == 0:
             return 0.0
-        noises = SIGMAS * np.sqrt(1.0 + 1.0 / self._frames)
-        given = away, self.off, self._open, sigma, valid & self._known, noises
-        pressed, nodes, mean = _unlike(*given, np.zeros((*self._terms.shape[:2], 2)))
+        known = valid & self._known
+        limit = WITHIN_LCD_PX + SIGMAS * math.sqrt(1.0 + 1.0 / self._frames) * sigma
+        pressed = self._unlike(away, limit, known)
         if pressed > 0.0:
-            terms = self._terms * (nodes >= LEAST_NODES)[..., None]
-            shift = np.linalg.lstsq(terms.reshape(-1, 6), mean.reshape(-1, 2), rcond=None)[0]
-            pressed = _unlike(*given, self._terms @ shift)[0]
-        return float(pressed)
+            pressed = self._unlike(away - self._drift(away, known), limit, known)
+        return pressed
 
+    def _drift(self, away: Float, known: Mask) -> Float:
+        """Change (rows, cols, 2) since rest that is smooth over the view."""
+        now = away - self.off
+        blank(now, ~known, 0.0)
+        nodes = block_sums(known.astype(float), PART, PART)
+        enough = nodes >= LEAST_NODES
+        terms, mean = self._terms[enough], block_sums(now, PART, PART)[enough] / nodes[enough, None]
+        drift: Float = self._terms @ np.linalg.lstsq(terms, mean, rcond=None)[0]
+        rows, cols = known.shape
+        return drift.repeat(PART, axis=0)[:rows].repeat(PART, axis=1)[:, :cols]
 
-def _unlike(
-    away: Float, off: Float, dirt: Float, sigma: Float, valid: Mask, noises: float, drift: Float
-) -> tuple[float, Float, Float]:
-    """Largest rms of a part that is neither as it was nor where the untouched mirror is, LCD px.
-
-    away, off (rows, cols, 2): displacement now and at rest, which may have changed by dirt (rows, cols, 2).
-    drift: (rows, cols, 2) of parts, taken off. Also how many of each part's nodes are valid, and their mean
-    of away - off, 0 where they are too few.
-    """
-    rows, cols = valid.shape
-    raw = away - drift.repeat(PART, axis=0)[:rows].repeat(PART, axis=1)[:, :cols]
-    now, limit = raw - off, WITHIN_LCD_PX + noises * sigma
-    for values, nothing in ((raw, 0.0), (now, 0.0), (limit, 1.0)):
-        blank(values, ~valid, nothing)
-    nodes = block_sums(valid.astype(float), PART, PART)
-    enough = nodes >= LEAST_NODES
-    counts = np.where(enough, nodes, 0.0)
-    per_node = np.where(enough, 1.0 / np.maximum(nodes, 1.0), 0.0)
-    means = (block_sums(now, PART, PART) * per_node[..., None] + drift) * enough[..., None]
-    # as it was, or as the untouched mirror is: something may have lifted since
-    either = _within(now / (limit + dirt), nodes) | _within(raw / limit, nodes)
-    square = block_sums(0.5 * squared_length(now), PART, PART) * per_node
-    worst = math.sqrt(np.max(square, where=~either, initial=0.0))
-    return worst, counts, means
+    def _unlike(self, away: Float, limit: Float, known: Mask) -> float:
+        """Largest rms of a part that is neither as it was nor where the untouched mirror is, LCD px."""
+        now, as_it_was, untouched = away - self.off, limit + self._open, away / limit
+        np.divide(now, as_it_was, out=as_it_was)
+        unknown = twice(~known)
+        for values in (now, as_it_was, untouched):
+            np.copyto(values, 0.0, where=unknown)
+        nodes = block_sums(known.astype(float), PART, PART)
+        # as it was, or as the untouched mirror is: something may have lifted since
+        unlike = (nodes >= LEAST_NODES) & ~(_within(as_it_was, nodes) | _within(untouched, nodes))
+        squares = block_sums(0.5 * squared_length(now), PART, PART)[unlike] / nodes[unlike]
+        return math.sqrt(squares.max(initial=0.0))
 
 
 def _within(over: Float, nodes: Float) -> Mask:
     """Whether parts are within their limits: displacements (rows, cols, 2) over these, 0 where not known."""
     square = block_sums(0.5 * squared_length(over), PART, PART)
-    sums = np.abs(block_sums(over, PART, PART)).max(axis=-1)
-    return np.asarray((square <= nodes) & (sums <= 0.5 * nodes))
+    sums = np.abs(block_sums(over, PART, PART))
+    return np.asarray((square <= nodes) & (np.maximum(sums[..., 0], sums[..., 1]) <= 0.5 * nodes))
