@@ -160,7 +160,7 @@ class Composition:
         innovation = away * away
         innovation /= np.maximum(measured.sigma**2 + self._variance, 1e-12)
         over: Float = np.where(valid, innovation[..., 0] + innovation[..., 1], 0.0)
-        sums = box_sum(over, RADIUS), box_sum(2.0 * valid, RADIUS)
+        sums = box_sum(over, RADIUS), box_sum(np.where(valid, 2.0, 0.0), RADIUS)
         target = self._x.copy()
         limits = self._least, self._most
         _correct(away, measured.sigma, valid, *sums, *limits, self._variance, self.gain, target)
