@@ -82,7 +82,7 @@ class Horizon:
 
 
 def _dot(a: Float, b: Float) -> Float:
-    """Products (rows, cols) of vectors, components first: (2, rows, cols)."""
+    """Products (rows, cols) of vectors (2, rows, cols)."""
     both = a * b
     total: Float = both[0] + both[1]
     return total
@@ -155,9 +155,9 @@ class VelocityPredictor:
         since_s = math.inf if self._time_ns is None else 1e-9 * (time_ns - self._time_ns)
         self._time_ns = time_ns
         moves = horizon_s is not None and bool(gain.max() > MOVES_ABOVE_GAIN) and 0 < since_s < LONGEST_S
-        before, self._x = self._x, np.stack([x[..., 0], x[..., 1]])
+        last_x, self._x = self._x, np.stack([x[..., 0], x[..., 1]])
         if moves:
-            steps = self._x - before
+            steps = self._x - last_x
             self._last, self._v = self._v, np.stack([box_mean(step, RADIUS) for step in steps])
             self._v /= since_s
         elif self._moves:
