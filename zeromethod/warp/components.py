@@ -39,6 +39,6 @@ def differences(values: Float, axis: int) -> Float:
     out = np.empty_like(values)
     lines, to = np.swapaxes(values, 0, axis), np.swapaxes(out, 0, axis)
     np.subtract(lines[2:], lines[:-2], out=to[1:-1])
-    out *= 0.5
+    to[1:-1] *= 0.5
     to[0], to[-1] = lines[1] - lines[0], lines[-1] - lines[-2]
     return out
