@@ -22,7 +22,9 @@ from zeromethod.arrays import Float, Mask
 from zeromethod.control.box import box_sum
 from zeromethod.control.own_side import OwnSide
 from zeromethod.control.velocity import VelocityPredictor
+from zeromethod.kernels import kernel, read
 from zeromethod.sensing.residual import Residual
+from zeromethod.warp.components import twice
 from zeromethod.warp.continuation import continue_smoothly
 from zeromethod.warp.observable import observable_part
 from zeromethod.warp.rest import Rest
@@ -47,76 +49,38 @@ FREEZE_ABOVE = 0.03
 _MIXED = np.uint16(Flag.MIXED)
 
 
-@numba.njit(cache=True)
+@kernel(
+    read(numba.float64, 3), read(numba.float64, 3), read(numba.boolean, 2), read(numba.float64, 2),
+    read(numba.float64, 2), numba.float64, numba.float64, numba.float64[:, :, ::1], numba.float64[:, ::1],
+    numba.float64[:, :, ::1],
+)  # fmt: skip
 def _correct(
-    x: Float,
-    variance: Float,
-    q: Float,
-    q_rest: Float,
+    away: Float,
     sigma: Float,
     valid: Mask,
+    total: Float,
+    count: Float,
     least: float,
     most: float,
-    scratch: Float,
+    variance: Float,
     gain: Float,
-    target: Float,
-    radius: int,
+    x: Float,
 ) -> None:
-    """Gain per node and target = x + K (z - x) at valid nodes (x elsewhere); variance is updated.
+    """Add K (z - x) to x and update the variance at valid nodes; K, 0 elsewhere, in `gain`.
 
-    radius: of the boxes, nodes; as an argument, as boxes of a fixed one would be compiled again.
-    """
-    rows, cols = valid.shape
-    innovation, count, box = scratch[0], scratch[1], scratch[2]
-    for j in range(rows):
-        for i in range(cols):
-            innovation[j, i] = 0.0
-            count[j, i] = 0.0
-            if valid[j, i]:
-                count[j, i] = 2.0
-                for k in range(2):
-                    e = q[j, i, k] - q_rest[j, i, k] - x[j, i, k]
-                    expected = sigma[j, i, k] * sigma[j, i, k] + variance[j, i, k]
-                    innovation[j, i] += e * e / max(expected, 1e-12)
-    box_sum(innovation, radius, box)
-    box_sum(count, radius, innovation)
-    for j in range(rows):
-        for i in range(cols):
-            gain[j, i] = 0.0
-            for k in range(2):
-                target[j, i, k] = x[j, i, k]
-            if valid[j, i]:
-                # S = box / innovation; both are positive at a valid node unless nothing moved at all.
-                kalman = 1.0 - MARGIN * innovation[j, i] / max(box[j, i], 1e-12)
-                share = min(max(kalman, least), most)
-                gain[j, i] = share
-                rest = 1.0 - share
-                for k in range(2):
-                    target[j, i, k] += share * (q[j, i, k] - q_rest[j, i, k] - x[j, i, k])
-                    r = sigma[j, i, k] * sigma[j, i, k]
-                    variance[j, i, k] = rest * rest * variance[j, i, k] + share * share * r
-
-
-@numba.njit(cache=True)
-def _drop_unobservable(target: Float, observable: Float, gain: Float, valid: Mask, x: Float) -> None:
-    """Set x to target less a share K of its unobservable part; less all of it where nothing is measured.
-
-    Taking out all of it everywhere would cost every dent the pass band's ripple over K, not the ripple.
+    away: z - x. total, count: sum of squared innovations over their variance, and their number, of which S is
+    the ratio; both are positive at a valid node unless nothing moved at all.
     """
     for j in range(valid.shape[0]):
         for i in range(valid.shape[1]):
-            share = gain[j, i] if valid[j, i] else 1.0
-            for k in range(2):
-                x[j, i, k] = target[j, i, k] + share * (observable[j, i, k] - target[j, i, k])
-
-
-@numba.njit(cache=True)
-def _from_rest(rest: Float, x: Float, estimate: Float, commanded: Float) -> None:
-    """Rest and x, twice."""
-    for j in range(x.shape[0]):
-        for i in range(x.shape[1]):
-            for k in range(2):
-                estimate[j, i, k] = commanded[j, i, k] = rest[j, i, k] + x[j, i, k]
+            gain[j, i] = 0.0
+            if valid[j, i]:
+                share = min(max(1.0 - MARGIN * count[j, i] / max(total[j, i], 1e-12), least), most)
+                gain[j, i] = share
+                for k in range(2):
+                    x[j, i, k] += share * away[j, i, k]
+                    kept, new = (1.0 - share) ** 2 * variance[j, i, k], (share * sigma[j, i, k]) ** 2
+                    variance[j, i, k] = kept + new
 
 
 class Composition:
@@ -141,9 +105,7 @@ class Composition:
         self._x = np.zeros(shape)
         self._variance = np.zeros(shape)
         self._flags = rest.flags.copy()
-        self._target = np.empty(shape)
         self._observable = np.empty(shape)
-        self._scratch = np.empty((3, *shape[:2]))
         self.gain = np.zeros(shape[:2])
         """(rows, cols) K of the last update; 0 where nothing was measured."""
         self._predictor = VelocityPredictor(rest)
@@ -170,21 +132,8 @@ class Composition:
         valid = measured.valid
         if not valid.any():
             return False
-        x, target = self._x, self._target
-        _correct(
-            x,
-            self._variance,
-            measured.q,
-            self._rest.q,
-            measured.sigma,
-            valid,
-            self._least,
-            self._most,
-            self._scratch,
-            self.gain,
-            target,
-            RADIUS,
-        )
+        x = self._x
+        target = self._corrected(measured, valid)
         if unsteady is not None:
             slow = np.where(valid, SLOW_GAIN, 0.0)[unsteady]
             self.gain[unsteady] = slow
@@ -193,12 +142,29 @@ class Composition:
             valid = valid | unsteady
         continue_smoothly(target, self._own_side.extended(target, valid), out=target)
         observable = observable_part(target, out=self._observable)
-        _drop_unobservable(target, observable, self.gain, valid, x)
+        # Of the unobservable part a share K, and all of it where nothing is measured: all of it everywhere
+        # would cost every dent the pass band's ripple over K, not the ripple.
+        np.subtract(observable, target, out=x)
+        x *= twice(np.where(valid, self.gain, 1.0))
+        x += target
         self._flags = measured.flags
-        self.estimate, self.commanded = np.empty_like(x), np.empty_like(x)
-        _from_rest(self._rest.q, x, self.estimate, self.commanded)
+        self.estimate = self._rest.q + x
+        self.commanded = self.estimate.copy()
         self._predictor.add(self.commanded, x, self.gain, measured.time_ns, horizon_s)
         return True
+
+    def _corrected(self, measured: Warp, valid: Mask) -> Float:
+        """The sum x + K (z - x) at valid nodes, x elsewhere; K and the variance are updated."""
+        away = measured.q - self._rest.q
+        away -= self._x
+        innovation = away * away
+        innovation /= np.maximum(measured.sigma**2 + self._variance, 1e-12)
+        over: Float = np.where(valid, innovation[..., 0] + innovation[..., 1], 0.0)
+        sums = box_sum(over, RADIUS), box_sum(np.where(valid, 2.0, 0.0), RADIUS)
+        target = self._x.copy()
+        limits = self._least, self._most
+        _correct(away, measured.sigma, valid, *sums, *limits, self._variance, self.gain, target)
+        return target
 
     def filtered(self, time_ns: int) -> Warp:
         """The estimate, without prediction; sigma by the filter's recursion, flags of the last frame."""

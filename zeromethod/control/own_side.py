@@ -7,12 +7,11 @@ there, which then read wrong.
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
 from zeromethod.arrays import Float, Ints, Mask
 from zeromethod.warp.rest import Rest
-from zeromethod.warp.seams import gap_end
+from zeromethod.warp.seams import gaps
 from zeromethod.warp.validity import Flag
 
 _NODES, _DEGREE = 5, 3
@@ -27,28 +26,18 @@ _AHEAD = np.vander(np.arange(1.0, _FILLED + 1), _DEGREE + 1) @ np.linalg.pinv(
 """(filled, nodes) weights of nodes, nearest first, in those ahead of them."""
 
 
-@numba.njit(cache=True)
-def _extend(field: Float, known: Mask, seams: Ints, ahead: Float) -> None:
+def _extend(field: Float, known: Mask, seams: Ints) -> None:
     """Fill in, in place, the first unknown nodes of rows on either side of seams between known ones."""
-    cols, (filled, n) = known.shape[1], ahead.shape
-    for j in range(known.shape[0]):
-        i = 0
-        while i < cols:
-            start = i
-            end, seam = gap_end(known[j], seams[j], start)
-            i = end + 1
-            if seam == 0 or start < n or end + n > cols or not 2 * filled <= end - start <= _MOST_NODES:
-                continue
-            if not (known[j, start - n : start].all() and known[j, end : end + n].all()):
-                continue
-            for step in range(filled):
-                for k in range(2):
-                    before, after = 0.0, 0.0
-                    for m in range(n):
-                        before += ahead[step, m] * field[j, start - 1 - m, k]
-                        after += ahead[step, m] * field[j, end + m, k]
-                    field[j, start + step, k], field[j, end - 1 - step, k] = before, after
-                known[j, start + step] = known[j, end - 1 - step] = True
+    row, first, end, _ = gaps(known, seams)
+    fits = (end - first >= 2 * _FILLED) & (end - first <= _MOST_NODES)
+    fits &= (first >= _NODES) & (end + _NODES <= known.shape[1])
+    row, first, end = row[fits, None], first[fits, None], end[fits, None]
+    away, into = np.arange(_NODES), np.arange(_FILLED)
+    both = known[row, first - 1 - away].all(axis=1) & known[row, end + away].all(axis=1)
+    row, first, end = row[both], first[both], end[both]
+    field[row, first + into] = _AHEAD @ field[row, first - 1 - away]
+    field[row, end - 1 - into] = _AHEAD @ field[row, end + away]
+    known[row, first + into] = known[row, end - 1 - into] = True
 
 
 class OwnSide:
@@ -64,5 +53,5 @@ class OwnSide:
         if self._seams is None:
             return valid
         known: Mask = valid.copy()
-        _extend(field, known, self._seams, _AHEAD)
+        _extend(field, known, self._seams)
         return known

@@ -32,6 +32,7 @@ import numpy as np
 
 from zeromethod.arrays import Float
 from zeromethod.control.box import box_mean, box_sum
+from zeromethod.kernels import kernel, read
 from zeromethod.warp.rest import Rest
 
 RADIUS = 3
@@ -62,19 +63,6 @@ LONGEST_S = 0.25
 """Longest time between frames from which a velocity is computed."""
 
 
-@numba.njit(cache=True)
-def _median(values: Float) -> Float:
-    """Median (n,) of rows (k, n), which are sorted in place; without the cost of numpy's."""
-    count, half = values.shape[0], values.shape[0] // 2
-    for end in range(count - 1, half - 2, -1):
-        for k in range(end):
-            for i in range(values.shape[1]):
-                a, b = values[k, i], values[k + 1, i]
-                values[k, i], values[k + 1, i] = min(a, b), max(a, b)
-    median: Float = values[half].copy() if count % 2 else 0.5 * (values[half - 1] + values[half])
-    return median
-
-
 class Horizon:
     """Mean age of the pictures at the time of exposure, s, from the panel's first row to its last."""
 
@@ -88,81 +76,57 @@ class Horizon:
         """Take in the ages of one frame, (n,) ns in scan-out order; None where unknown."""
         if age_ns is not None:
             self._ages.append(1e-9 * (age_ns[::-1] if self._upwards else age_ns))
-            self.age_s = _median(np.array(self._ages))
+            # np.median takes ten times as long
+            ages, half = np.sort(self._ages, axis=0), len(self._ages) // 2
+            self.age_s = 0.5 * (ages[half] + ages[~half])
 
 
-@numba.njit(cache=True)
-def _split(x: Float, out: Float) -> None:
-    """Components of x (rows, cols, 2) apart, (2, rows, cols)."""
-    for j in range(x.shape[0]):
-        for i in range(x.shape[1]):
-            out[0, j, i], out[1, j, i] = x[j, i, 0], x[j, i, 1]
+def _dot(a: Float, b: Float) -> Float:
+    """Products (rows, cols) of vectors (2, rows, cols)."""
+    both = a * b
+    total: Float = both[0] + both[1]
+    return total
 
 
-@numba.njit(cache=True)
-def _steps(x: Float, k: int, last: Float, since_s: float, out: Float) -> None:
-    """Speed of component k since `last` (rows, cols), in `out`."""
-    for j in range(last.shape[0]):
-        for i in range(last.shape[1]):
-            out[j, i] = (x[j, i, k] - last[j, i]) / since_s
-
-
-@numba.njit(cache=True)
-def _products(v: Float, last: Float, both: Float, size: Float) -> None:
-    """2 v.v' and v^2 + v'^2 of every node, in `both` and `size`."""
-    for j in range(both.shape[0]):
-        for i in range(both.shape[1]):
-            a, b, c, d = v[0, j, i], v[1, j, i], last[0, j, i], last[1, j, i]
-            both[j, i] = 2.0 * (a * c + b * d)
-            size[j, i] = a * a + b * b + c * c + d * d
-
-
-@numba.njit(cache=True)
-def _trust(both: Float, size: Float, gain: Float, agreed: Float, share: Float) -> None:
-    """Share of v to predict with; `agreed` is updated from the last step's agreement to this one's."""
-    for j in range(gain.shape[0]):
-        for i in range(gain.shape[1]):
-            agrees = both[j, i] / size[j, i] if size[j, i] > 0.0 else 0.0
-            agrees = min(max((agrees - AGREES_FROM) / (AGREES_AT - AGREES_FROM), 0.0), 1.0)
-            trust = min(agrees, agreed[j, i])
-            agreed[j, i] = agrees
-            # unmeasured nodes have no gain; their x, and so v, continues their neighbours'
-            k = gain[j, i]
-            if k > 0.0:
-                moves = (k - RESTS_BELOW_GAIN) / (MOVES_ABOVE_GAIN - RESTS_BELOW_GAIN)
-                trust *= min(max(moves, 0.0), 1.0)
-            share[j, i] = trust
-
-
-@numba.njit(cache=True)
+@kernel(
+    read(numba.float64, 3), read(numba.float64, 2), read(numba.float64, 3), read(numba.float64, 1),
+    numba.float64, read(numba.float64, 3), numba.float64[:, :, ::1], numba.float64[::1],
+)  # fmt: skip
 def _wanted(
-    v: Float, share: Float, q: Float, horizon_s: Float, rows_per_entry: float, last: Float, out: Float
-) -> tuple[float, float, float, float]:
-    """Shift share v h in `out`; squares of the largest v, shift, last shift, and difference of the two."""
+    v: Float,
+    share: Float,
+    q: Float,
+    horizon_s: Float,
+    entries_per_row: float,
+    shift: Float,
+    change: Float,
+    squares: Float,
+) -> None:
+    """What share v h changes of a shift, in `change`; those arrays have components first, q has them last.
+
+    squares: of the largest v, share v h, shift, and change; 0 before.
+    """
     end = horizon_s.size - 1
-    speed = size = before = change = 0.0
     for j in range(share.shape[0]):
         for i in range(share.shape[1]):
-            x = min(max(q[j, i, 1] * rows_per_entry, 0.0), float(end))
+            x = min(max(q[j, i, 1] * entries_per_row, 0.0), float(end))
             n = min(int(x), end - 1)
             ahead_s = share[j, i] * (horizon_s[n] + (x - n) * (horizon_s[n + 1] - horizon_s[n]))
-            a, b = ahead_s * v[0, j, i], ahead_s * v[1, j, i]
-            out[0, j, i], out[1, j, i] = a, b
-            speed = max(speed, v[0, j, i] ** 2 + v[1, j, i] ** 2)
-            size = max(size, a * a + b * b)
-            before = max(before, last[0, j, i] ** 2 + last[1, j, i] ** 2)
-            change = max(change, (a - last[0, j, i]) ** 2 + (b - last[1, j, i]) ** 2)
-    return speed, size, before, change
+            a, b, c, d = v[0, j, i], v[1, j, i], shift[0, j, i], shift[1, j, i]
+            squares[0] = max(squares[0], a * a + b * b)
+            a, b = ahead_s * a, ahead_s * b
+            squares[1] = max(squares[1], a * a + b * b)
+            squares[2] = max(squares[2], c * c + d * d)
+            a, b = a - c, b - d
+            squares[3] = max(squares[3], a * a + b * b)
+            change[0, j, i], change[1, j, i] = a, b
 
 
-@numba.njit(cache=True)
-def _apply(wanted: Float, part: float, shift: Float, q: Float) -> None:
-    """Move `shift` (2, rows, cols) by `part` of the way to `wanted`, and add it to q (rows, cols, 2)."""
-    for j in range(q.shape[0]):
-        for i in range(q.shape[1]):
-            for k in range(2):
-                shift[k, j, i] += part * (wanted[k, j, i] - shift[k, j, i])
-                q[j, i, k] += shift[k, j, i]
+def _ramp(values: Float, start: float, end: float) -> Float:
+    """0 up to `start`, 1 from `end` on, in between straight; in place."""
+    values -= start
+    values *= 1.0 / (end - start)
+    return np.clip(values, 0.0, 1.0, out=values)
 
 
 class VelocityPredictor:
@@ -179,8 +143,6 @@ class VelocityPredictor:
         self._v = np.zeros((2, *shape))
         self._last = np.zeros((2, *shape))
         self._agreed = np.zeros(shape)
-        self._work = np.zeros((2, *shape))
-        self._share = np.zeros(shape)
         self._time_ns: int | None = None
         self._moves = False
 
@@ -193,28 +155,37 @@ class VelocityPredictor:
         since_s = math.inf if self._time_ns is None else 1e-9 * (time_ns - self._time_ns)
         self._time_ns = time_ns
         moves = horizon_s is not None and bool(gain.max() > MOVES_ABOVE_GAIN) and 0 < since_s < LONGEST_S
+        last_x, self._x = self._x, np.stack([x[..., 0], x[..., 1]])
         if moves:
-            self._v, self._last = self._last, self._v
-            for k in range(2):
-                _steps(x, k, self._x[k], since_s, self._share)
-                box_mean(self._share, RADIUS, self._v[k])
+            steps = self._x - last_x
+            self._last, self._v = self._v, np.stack([box_mean(step, RADIUS) for step in steps])
+            self._v /= since_s
         elif self._moves:
             self._v[:] = self._last[:] = 0.0
             self._agreed[:] = 0.0
             self._shift[:] = 0.0
         self._moves = moves
-        _split(x, self._x)
         if moves and horizon_s is not None:
-            both, size = self._work
-            _products(self._v, self._last, both, size)
-            box_sum(both, AGREEMENT_RADIUS, self._share)
-            box_sum(size, AGREEMENT_RADIUS, both)
-            _trust(self._share, both, gain, self._agreed, self._share)
+            change, squares = np.empty_like(self._v), np.zeros(4)
             per_row = (horizon_s.size - 1) / (self._panel_rows - 1)
-            squares = _wanted(self._v, self._share, q, horizon_s, per_row, self._shift, self._work)
-            speed, most, before, change = (math.sqrt(square) for square in squares)
+            _wanted(self._v, self._trust(gain), q, horizon_s, per_row, self._shift, change, squares)
+            speed, most, before, largest = np.sqrt(squares)
             part = 1.0
             if most > before:
                 room = max(self._largest_jump - speed * since_s, 0.5 * self._largest_jump)
-                part = min(1.0, room / change)
-            _apply(self._work, part, self._shift, q)
+                part = min(1.0, room / largest)
+            change *= part
+            self._shift += change
+            q[..., 0] += self._shift[0]
+            q[..., 1] += self._shift[1]
+
+    def _trust(self, gain: Float) -> Float:
+        """Share (rows, cols) of v to predict with, by the agreement of this step and the last."""
+        both = 2.0 * box_sum(_dot(self._v, self._last), AGREEMENT_RADIUS)
+        size = box_sum(_dot(self._v, self._v) + _dot(self._last, self._last), AGREEMENT_RADIUS)
+        agrees = _ramp(both / np.where(size > 0.0, size, math.inf), AGREES_FROM, AGREES_AT)
+        share = np.minimum(agrees, self._agreed)
+        self._agreed = agrees
+        # unmeasured nodes have no gain; their x, and so v, continues their neighbours'
+        share *= _ramp(np.where(gain > 0.0, gain, math.inf), RESTS_BELOW_GAIN, MOVES_ABOVE_GAIN)
+        return share

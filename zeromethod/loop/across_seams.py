@@ -9,14 +9,13 @@ curvature votes for a number of periods, and most rows of a seam must agree.
 from __future__ import annotations
 
 import cv2
-import numba
 import numpy as np
 
 from zeromethod.arrays import Flags, Float, Ints, Mask
 from zeromethod.sensing.residual import Residual
 from zeromethod.warp.compose import compose
 from zeromethod.warp.rest import Rest
-from zeromethod.warp.seams import SeamMap, gap_end
+from zeromethod.warp.seams import SeamMap, gaps
 from zeromethod.warp.validity import Flag
 
 _MOST_NODES = 24
@@ -33,73 +32,53 @@ _ORDERS = 8
 _UNKNOWN = _ORDERS + 1
 
 
-@numba.njit(cache=True)
-def _off_line(slope: Float, x: Float, valid: Mask, first: int, end: int) -> tuple[float, float]:
-    """Difference of one row's slope beyond a gap from its straight continuation, and its error by curvature.
+def _off_line(slope: Float, x: Float, valid: Mask, row: Ints, first: Ints, end: Ints) -> tuple[Float, Float]:
+    """Difference of rows' slopes beyond gaps from their straight continuation, and its error by curvature.
 
-    The slope is taken to go on in a line from both sides to the gap's middle. Same unit as `slope`; NaN where
-    three nodes on either side are not all known.
+    slope, x, valid: (rows, cols). row, first, end: (n,) as `gaps` has them. A slope is taken to go on in a
+    line from both sides to the gap's middle. Same unit as `slope`; NaN where three nodes on either side are
+    not all known.
     """
-    if end - first + 1 > _MOST_NODES or first < 3 or end > len(valid) - 3:
-        return np.nan, np.nan
-    if not (valid[first - 3 : first].all() and valid[end : end + 3].all()):
-        return np.nan, np.nan
-    a, b = slope[first - 3 : first], slope[end : end + 3]
-    half = 0.5 * (x[end] - x[first - 1])
-    before, after = half / (x[first - 1] - x[first - 3]), half / (x[end + 2] - x[end])
-    off = b[0] - a[2] - before * (a[2] - a[0]) - after * (b[2] - b[0])
-    return off, 2 * before * (a[2] - 2 * a[1] + a[0]) - 2 * after * (b[2] - 2 * b[1] + b[0])
+    fits = (end - first < _MOST_NODES) & (first >= 3) & (end <= valid.shape[1] - 3)
+    three = np.arange(3)[:, None]
+    before, after = (row, np.where(fits, first - 3, 0) + three), (row, np.where(fits, end, 0) + three)
+    known = fits & valid[before].all(axis=0) & valid[after].all(axis=0)
+    a, b = slope[before], slope[after]
+    left, right = x[before], x[after]
+    half = 0.5 * (right[0] - left[2])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        on, back = half / (left[2] - left[0]), half / (right[2] - right[0])
+        off = b[0] - a[2] - on * (a[2] - a[0]) - back * (b[2] - b[0])
+        bent = 2 * on * (a[2] - 2 * a[1] + a[0]) - 2 * back * (b[2] - 2 * b[1] + b[0])
+    return np.where(known, off, np.nan), np.where(known, bent, np.nan)
 
 
-@numba.njit(cache=True)
-def _votes(slope: Float, x: Float, valid: Mask, seams: Ints, votes: Ints) -> None:
-    """Count in `votes` (seams + 1, orders) the rows by the periods that each seam's far side is off."""
-    for j in range(valid.shape[0]):
-        i = 0
-        while i < valid.shape[1]:
-            end, seam = gap_end(valid[j], seams[j], i)
-            if seam > 0:
-                off, bent = _off_line(slope[j], x[j], valid[j], i, end)
-                order = np.rint(off)
-                if abs(off - order) < _CLEAR and abs(bent) < _BENT and abs(order) <= _ORDERS:
-                    votes[seam, int(order) + _ORDERS] += 1
-            i = end + 1
+def _votes(off: Float, bent: Float, seam: Ints, count: int) -> Ints:
+    """(count, orders) gaps (n,) of each seam, by the periods that its far side is off."""
+    order = np.rint(off)
+    says = (np.abs(off - order) < _CLEAR) & (np.abs(bent) < _BENT) & (np.abs(order) <= _ORDERS)
+    votes = np.zeros((count, 2 * _ORDERS + 1), np.int64)
+    np.add.at(votes, (seam[says], order[says].astype(np.int64) + _ORDERS), 1)
+    return votes
 
 
-@numba.njit(cache=True)
-def _join(slope: Float, x: Float, valid: Mask, seams: Ints, orders: Ints, out: Mask) -> None:
-    """Mark in `out` the nodes of seams of order 0 over which a row's slope goes on in a straight line."""
-    for j in range(valid.shape[0]):
-        i = 0
-        while i < valid.shape[1]:
-            end, seam = gap_end(valid[j], seams[j], i)
-            if seam > 0 and orders[seam] == 0:
-                out[j, i:end] = abs(_off_line(slope[j], x[j], valid[j], i, end)[0]) < 0.5
-            i = end + 1
-
-
-@numba.njit(cache=True)
 def _added_up(seams: Ints, orders: Ints) -> Ints:
     """Periods (rows, cols) by which nodes are off: sums of the orders of all seams before them in a row."""
-    out = np.zeros(seams.shape, np.int64)
-    for j in range(seams.shape[0]):
-        total, before = 0, 0
-        for i in range(seams.shape[1]):
-            seam = seams[j, i]
-            if seam != before and seam > 0:
-                total += orders[seam] if orders[seam] != _UNKNOWN else 0
-            out[j, i] = total
-            before = seam
+    begins = np.diff(seams, axis=1, prepend=0) != 0
+    known = np.where(orders == _UNKNOWN, 0, orders)
+    known[0] = 0
+    out: Ints = np.cumsum(begins * known[seams], axis=1)
     return out
 
 
 class _Rows:
-    """Slopes of the mirror and seams at the measurable nodes of one frame.
+    """Slopes of the mirror over the seams among the measurable nodes of one frame.
 
-    slopes: (2, rows, cols) in the slope that moves the picture by one period, so that an error of the order
-    changes them by whole numbers although rays on the two sides of a seam differ in length. seams: (rows,
-    cols) number of the seam, 0 for none. orders: (2, seams + 1) periods by which nodes beyond each seam are
-    off; `_UNKNOWN` where rows do not agree.
+    Slopes are in the slope that moves the picture by one period, so that an error of the order changes them
+    by whole numbers although rays on the two sides of a seam differ in length. seams: (rows, cols) number of
+    the seam, 0 for none. gaps: row, first column and that after the last (n,) of runs of nodes without a
+    value at a seam, `of_gap` its number. off: (2, n) difference of slopes beyond them from a straight line.
+    orders: (2, seams + 1) periods by which nodes beyond each seam are off; `_UNKNOWN` where rows disagree.
     """
 
     def __init__(self, q: Float, flags: Flags, rest: Rest, seams: SeamMap) -> None:
@@ -111,13 +90,11 @@ class _Rows:
         steps = np.stack([np.gradient(rest.q, axis=k) for k in (1, 0)], axis=-1)[inner]
         period = np.median((seams.slope_per_px @ steps)[rest.visible[inner]], axis=0)
         per_slope = np.linalg.inv(grid.period_px / grid.spacing_px * period)
-        self.slopes: Float = np.einsum(
-            "ab,...bc,...c->a...", per_slope, seams.slope_per_px, (q - rest.q)[inner]
-        )
-        self.x_mm = seams.x_mm
-        votes = np.zeros((2, count, 2 * _ORDERS + 1), np.int64)
-        for slope, of_axis in zip(self.slopes, votes, strict=True):
-            _votes(slope, self.x_mm, self.valid, self.seams, of_axis)
+        slopes: Float = np.einsum("ab,...bc,...c->a...", per_slope, seams.slope_per_px, (q - rest.q)[inner])
+        *self.gaps, self.of_gap = gaps(self.valid, self.seams)
+        found = [_off_line(slope, seams.x_mm, self.valid, *self.gaps) for slope in slopes]
+        self.off: Float = np.stack([off for off, _ in found])
+        votes = np.stack([_votes(*one, self.of_gap, count) for one in found])
         total = votes.sum(axis=-1)
         known = (votes.max(axis=-1) >= _AGREEING_SHARE * total) & (total >= _LEAST_ROWS)
         self.orders: Ints = np.where(known, votes.argmax(axis=-1) - _ORDERS, _UNKNOWN)
@@ -187,7 +164,9 @@ def bridged(q: Float, flags: Flags, rest: Rest) -> Mask | None:
     if rest.seams is None:
         return None
     rows = _Rows(q, flags, rest, rest.seams)
-    out = np.zeros((2, *rows.valid.shape), bool)
-    for slope, orders, joined in zip(rows.slopes, rows.orders, out, strict=True):
-        _join(slope, rows.x_mm, rows.valid, rows.seams, orders, joined)
-    return rest.grid.padded(out[0] & out[1], False)
+    row, first, end = rows.gaps
+    joined = ((rows.orders[:, rows.of_gap] == 0) & (np.abs(rows.off) < 0.5)).all(axis=0)
+    steps = np.zeros((rows.valid.shape[0], rows.valid.shape[1] + 1), np.int8)
+    steps[row[joined], first[joined]] = 1
+    steps[row[joined], end[joined]] = -1
+    return rest.grid.padded(np.cumsum(steps, axis=1)[:, :-1] > 0, False)

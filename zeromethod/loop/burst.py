@@ -70,7 +70,7 @@ _ALL = 0.999
 _PURE = 5e-3
 """Largest share of another picture's light in an exposure that counts as of one picture alone."""
 
-_CANNOT, _CODED = np.uint16(CANNOT), np.uint16(Flag.CODED)
+_CODED = np.uint16(Flag.CODED)
 
 
 @dataclass(frozen=True, slots=True)
@@ -307,7 +307,7 @@ class Burst:
             self.read = None
             self._failing.forget()
             return None
-        nodes: Mask = read.mask | (read.spare & (measured.flags & _CANNOT != 0))
+        nodes: Mask = read.mask | (read.spare & (measured.flags & CANNOT != 0))
         measured.q[nodes] = read.q[nodes]
         measured.sigma[nodes] = np.sqrt(read.sigma[nodes] ** 2 + CARRIED**2 * moved2)
         measured.flags[nodes] = 0

@@ -7,7 +7,6 @@ coded pictures would show nothing there either.
 from __future__ import annotations
 
 import cv2
-import numba
 import numpy as np
 
 from zeromethod.arrays import Bytes, Flags, Float, Mask, Single
@@ -54,10 +53,10 @@ SEAM_NODES = 6
 GROWS_SHARE = 0.1
 """If more than this share of the failing nodes failed for the first time, more are going to."""
 
-CANNOT = int(Flag.MODULATION | Flag.LIGHT_LOST | Flag.FOLDED | Flag.UNDRAWABLE | Flag.AMBIGUOUS)
+CANNOT = np.uint16(Flag.MODULATION | Flag.LIGHT_LOST | Flag.FOLDED | Flag.UNDRAWABLE | Flag.AMBIGUOUS)
 """Flags of nodes that cannot be nulled."""
 
-_FOR_NOW, _LIGHT_LOST = int(Flag.MIXED | Flag.CODED), np.uint16(Flag.LIGHT_LOST)
+_FOR_NOW, _LIGHT_LOST = np.uint16(Flag.MIXED | Flag.CODED), np.uint16(Flag.LIGHT_LOST)
 _OFF_DISPLAY = np.uint16(Flag.OFF_DISPLAY)
 _FAR = np.float32(1e6)
 
@@ -133,8 +132,8 @@ class FailingNodes:
         rest, grid = self._rest, self._rest.grid
         if self._light is None:
             return None
-        failing: Mask = np.empty_like(self._never)
-        if not (_cannot(flags, rest.visible, self._never, failing) or self._left.any()):
+        failing: Mask = (flags & CANNOT != 0) & (flags & _FOR_NOW == 0) & rest.visible & ~self._never
+        if not (failing.any() or self._left.any()):
             return None
         around = _around(failing)
         here, spacing_px = (thought[around], rest.q[around]), grid.spacing_px
@@ -162,18 +161,6 @@ class FailingNodes:
         count, patches = cv2.connectedComponents(cv2.dilate(nodes.view(np.uint8), side))
         curved = np.bincount(patches[nodes & ((bent < 0) | (bent >= BENT_LCD_PX))], minlength=count) > 0
         return np.asarray(nodes & ~curved[patches])
-
-
-@numba.njit(cache=True)
-def _cannot(flags: Flags, visible: Mask, never: Mask, out: Mask) -> bool:
-    """Nodes that cannot be nulled, of those that are visible and not never to be, in `out`; whether any."""
-    cannot, for_now, none, found = np.uint16(CANNOT), np.uint16(_FOR_NOW), np.uint16(0), False
-    for j in range(flags.shape[0]):
-        for i in range(flags.shape[1]):
-            fails = (flags[j, i] & cannot != none) & (flags[j, i] & for_now == none)
-            out[j, i] = fails & visible[j, i] & (not never[j, i])
-            found |= out[j, i]
-    return found
 
 
 def _around(nodes: Mask) -> tuple[slice, slice]:

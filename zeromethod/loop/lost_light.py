@@ -18,17 +18,22 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import cv2
 import numba
 import numpy as np
+from numpy.typing import NDArray
 
-from zeromethod.arrays import Flags, Float, Mask, Single
+from zeromethod.arrays import Float, Ints, Single
+from zeromethod.kernels import kernel, piece, read
 from zeromethod.sensing.residual import Residual
-from zeromethod.sensing.shading import leak
+from zeromethod.sensing.shading import LARGEST_STRAIN, STEADY_BEND
+from zeromethod.warp.validity import Flag
 
 APART_NODES = 3
 """Way to the nodes that it is held against: windows reach two nodes."""
 
 _BEYOND = 2 * APART_NODES
+_OUTSIDE = np.uint16(Flag.OUTSIDE)
 
 FRAMES = 16
 """Frames at rest whose mean light is the light at rest."""
@@ -49,8 +54,6 @@ class LostLight:
         self._black = black_grey
         self._frames = 0
         self._rest = np.zeros(shape, np.float32)
-        self._light = np.zeros([n + 2 * _BEYOND for n in shape], np.float32)
-        self._lack = np.zeros((shape[0], shape[1] + 2 * _BEYOND), np.float32)
 
     def learn(self, residual: Residual) -> None:
         """Take in the light of a residual at rest; 0 where a node was not measured."""
@@ -63,151 +66,107 @@ class LostLight:
     def widen_sigma(self, residual: Residual) -> None:
         """Add to the sigma of a residual, in place, what light lost at each node may do to its phase."""
         if self._frames == 0:
-            _widen_at_edges(residual.arrays, self._black, self._period_px)
-            return
-        seen = residual.mean, residual.modulation, residual.flags
-        nothing = NOISES2 * (1.0 + 1.0 / self._frames)
-        _widen(
-            *seen, self._rest, self._black, self._px_per_rad, nothing, self._light, self._lack, residual.sigma
-        )
+            _widen_at_edges(residual, self._black, self._period_px)
+        else:
+            nothing = NOISES2 * (1.0 + 1.0 / self._frames)
+            light = _over_rest(residual, self._rest, self._black)
+            _widen(light, self._rest, residual.modulation, self._px_per_rad, nothing, residual.sigma)
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _bent(seen: tuple[Float, Float, Flags, Single, Single], period_px: float, j: int, i: int) -> float:
-    """Larger second difference of the mean at a node, grey levels, less what strain leaks into it."""
-    d, _, flags, modulation, mean = seen
-    most = 0.0
+def _leak(residual: Residual, period_px: float, r: Ints, c: Ints, way: int) -> Float:
+    """`sensing.shading.leak` of nodes (n,) that are measured with their neighbours along a row or column."""
+    modulation, d, flags = residual.modulation.astype(float), residual.d, residual.flags
+    y, x = way, 1 - way
+    steps = np.stack([d[r - y, c - x], d[r + y, c + x]]) - d[r, c]
+    steps -= period_px * np.rint(steps / period_px)
+    largest = np.abs(steps).max(axis=0)
+    before, after = steps[:, :, way]
+    first, last = (flags[r + far * y, c + far * x] & _OUTSIDE != 0 for far in (-2, 2))
+    other = modulation[..., x]
+    bend = np.abs(other[r - y, c - x] - 2 * other[r, c] + other[r + y, c + x])
+    beyond = (first | last) & (bend < STEADY_BEND * other[r, c])
+    straight = np.abs(np.where(last, 3 * after + 2 * before, 3 * before + 2 * after))
+    np.maximum(largest[:, way], straight, out=largest[:, way], where=beyond)
+    strain = np.minimum(largest / (period_px / 2), LARGEST_STRAIN)
+    leaked: Float = (modulation[r, c] * strain**2).sum(axis=-1)
+    return leaked
+
+
+def _line(values: NDArray[Any], way: int) -> list[NDArray[Any]]:
+    """Values before, at, and after the inner nodes, along a row (way 0) or a column (1)."""
+    down, across = ([slice(1 + by, size - 1 + by) for by in (-1, 0, 1)] for size in values.shape)
+    return [values[one, 1:-1] for one in down] if way else [values[1:-1, one] for one in across]
+
+
+def _widen_at_edges(residual: Residual, black: float, period_px: float) -> None:
+    """Add to sigma, px, what edges of the light at a node, or next to it, may do."""
+    valid, sigma, light = residual.valid, residual.sigma, residual.mean.astype(float) - black
+    noise2 = NOISES2 * np.where(valid, np.minimum(sigma[..., 0], sigma[..., 1]), 0.0) ** 2
+    off2, per_light = np.zeros(valid.shape), BEND_PERIODS * period_px
     for way in range(2):
-        y, x = way, 1 - way
-        if flags[j - y, i - x] == 0 and flags[j + y, i + x] == 0:
-            bend = abs(float(mean[j - y, i - x] - 2 * mean[j, i] + mean[j + y, i + x]))
-            if bend > most:
-                most = max(most, bend - 4 * leak(modulation, d, flags, period_px, j, i, way))
-    return most
+        (before, now, after), known = _line(light, way), _line(valid, way)
+        bend = np.abs(before - 2 * now + after)
+        bent = (per_light * bend) ** 2 > noise2[1:-1, 1:-1] * now**2
+        j, i = np.nonzero(bent & known[0] & known[1] & known[2])
+        r, c = j + 1, i + 1
+        left = np.maximum(bend[j, i] - 4 * _leak(residual, period_px, r, c, way), 0.0)
+        off2[r, c] = np.maximum(off2[r, c], (per_light * left / now[j, i]) ** 2 - noise2[r, c])
+    most2 = cv2.dilate(off2, np.ones((3, 3), np.uint8))
+    wide = most2 > 0.0
+    sigma[wide] = np.sqrt(sigma[wide] ** 2 + most2[wide, None])
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _widen_at_edges(seen: tuple[Float, Float, Flags, Single, Single], black: float, period_px: float) -> None:
-    """Add to sigma, px, what edges of the light at a node, or next to it, may do; seen: `Residual.arrays`."""
-    _, sigma, flags, _, mean = seen
-    rows, cols = mean.shape
-    off2 = np.zeros((rows, cols))
-    for j in range(1, rows - 1):
-        for i in range(1, cols - 1):
-            if flags[j, i] == 0:
-                by = BEND_PERIODS * period_px * _bent(seen, period_px, j, i) / (mean[j, i] - black)
-                off2[j, i] = max(by**2 - NOISES2 * min(sigma[j, i, 0], sigma[j, i, 1]) ** 2, 0.0)
-    for j in range(1, rows - 1):
-        for i in range(1, cols - 1):
-            most2 = off2[j - 1 : j + 2, i - 1 : i + 2].max()
-            if most2 > 0.0:
-                for k in range(2):
-                    sigma[j, i, k] = math.sqrt(sigma[j, i, k] ** 2 + most2)
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _over_rest(mean: Single, flags: Flags, rest: Single, black: float, out: Single) -> None:
+def _over_rest(residual: Residual, rest: Single, black: float) -> Single:
     """Light of nodes over that at rest, (rows, cols) with `_BEYOND` more on each side; 0 where not known."""
-    dark, none = np.float32(black), np.float32(0)
-    for j in range(mean.shape[0]):
-        to = out[j + _BEYOND, _BEYOND:]
-        for i in range(mean.shape[1]):
-            known = (flags[j, i] == 0) & (rest[j, i] > none)
-            to[i] = (mean[j, i] - dark) / rest[j, i] if known else none
+    out = np.zeros([size + 2 * _BEYOND for size in rest.shape], np.float32)
+    known, inner = residual.valid & (rest > 0), out[_BEYOND:-_BEYOND, _BEYOND:-_BEYOND]
+    np.divide(residual.mean - np.float32(black), rest, out=inner, where=known)
+    return out
 
 
-@numba.njit(cache=True, error_model="numpy", inline="always")
-def _straight_on(before2: Any, before: Any, after: Any, after2: Any, zero: Any, half: Any, two: Any) -> Any:
-    """Light between two nodes, or two on one side, on a straight line; 0 where they are not known."""
-    near, further = before + after, after2 if after > zero else before2
-    onward = two * near - further if (near > zero) & (further > zero) else zero
-    return half * near if (before > zero) & (after > zero) else onward
-
-
-@numba.njit(cache=True)
-def _lacks(light: Single, way: int, out: Single) -> None:
-    """Light over that at rest that nodes lack by those `way` to both sides, in `out` if more than is there.
-
-    light, out: flat, `_BEYOND` rows and columns more on each side of `light`, columns alone of `out`.
-    """
-    zero, half, two, count = np.float32(0), np.float32(0.5), np.float32(2), out.size
-    first = (light.size - count) // 2
-    now, before2, after2 = light[first:], light[first - 2 * way :], light[first + 2 * way :]
-    before, after = light[first - way :], light[first + way :]
-    for i in range(count):
-        straight = _straight_on(before2[i], before[i], after[i], after2[i], zero, half, two)
-        out[i] = max(straight - now[i], out[i])
-
-
-@numba.njit(cache=True)
-def _suspects(lack: Single, rest: Single, modulation: Single, sigma: Float, cut: float, out: Mask) -> None:
-    """Nodes (n,) that lack `cut` times the noise of their light: of the carrier with less of it.
-
-    modulation, sigma: (2 n,) of both carriers in turn, as lines for the compiler to vectorise.
-    """
-    times = np.float32(cut)
-    for i in range(rest.size):
-        first = modulation[2 * i] * np.float32(sigma[2 * i])
-        second = modulation[2 * i + 1] * np.float32(sigma[2 * i + 1])
-        out[i] = lack[i] * rest[i] > times * min(first, second)
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _by(light: Single, j: int, i: int, down: int, across: int) -> tuple[float, float]:
+@piece
+def _lack(before2: float, before: float, now: float, after: float, after2: float) -> tuple[float, float]:
     """Light that a node lacks, 0 for none, by those on both sides; variance of the difference over its own.
 
-    That of one and of those on a straight line between two, or through two on one side.
+    That of one and of those on a straight line between two, or through two on one side; 0: not known.
     """
-    before, after = light[j - down, i - across], light[j + down, i + across]
-    before2, after2 = light[j - 2 * down, i - 2 * across], light[j + 2 * down, i + 2 * across]
-    straight = _straight_on(before2, before, after, after2, 0.0, 0.5, 2.0)
-    return max(straight - light[j, i], 0.0), 1.5 if (before > 0.0) & (after > 0.0) else 6.0
+    near, further = before + after, after2 if after > 0.0 else before2
+    if before > 0.0 and after > 0.0:
+        return max(0.5 * near - now, 0.0), 1.5
+    return (max(2.0 * near - further - now, 0.0) if near > 0.0 and further > 0.0 else 0.0), 6.0
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel(
+    read(numba.float32, 2), read(numba.float32, 2), read(numba.float32, 3),
+    numba.float64, numba.float64, numba.float64[:, :, ::1],
+)  # fmt: skip
 def _widen(
-    mean: Single,
-    modulation: Single,
-    flags: Flags,
-    rest: Single,
-    black: float,
-    px_per_rad: float,
-    nothing: float,
-    light: Single,
-    lack: Single,
-    sigma: Float,
+    light: Single, rest: Single, modulation: Single, px_per_rad: float, nothing: float, sigma: Float
 ) -> None:
     """Add to sigma (rows, cols, 2), px, what lost light may do, beyond `nothing` variances of noise.
 
-    The noise of a node's light would by itself move its phase, by that rule, by one sigma. light, lack: work
-    space. Single precision finds the few nodes that may lack light; they are worked out in double.
+    The noise of a node's light would by itself move its phase, by that rule, by one sigma. light: as
+    `_over_rest` has it.
     """
-    _over_rest(mean, flags, rest, black, light)
-    rows, cols = mean.shape
-    by, at = APART_NODES, _BEYOND
-    lack[:] = 0.0
-    flat_light, flat_lack = light.reshape(light.size), lack.reshape(lack.size)
-    _lacks(flat_light, by * light.shape[1], flat_lack)
-    _lacks(flat_light, by, flat_lack)
-    suspects = np.zeros(8 * ((cols + 7) // 8), np.bool_)
-    eights = suspects.view(np.uint64)
-    cut = 0.99 * math.sqrt(0.75 * nothing) / px_per_rad  # but for rounding what is added below, or less
-    for j in range(by, rows - by):
-        both, errors = modulation[j].reshape(2 * cols), sigma[j].reshape(2 * cols)
-        _suspects(lack[j, at:], rest[j], both, errors, cut, suspects)
-        for eight in range(eights.size):
-            if eights[eight] == 0:
+    by = APART_NODES
+    for j in range(by, rest.shape[0] - by):
+        for i in range(by, rest.shape[1] - by):
+            r, c = j + _BEYOND, i + _BEYOND
+            now = light[r, c]
+            if not now > 0.0:
                 continue
-            for i in range(max(8 * eight, by), min(8 * eight + 8, cols - by)):
-                now = light[at + j, at + i]
-                if not (suspects[i] and now > 0.0):
-                    continue
-                down, noise_down = _by(light, at + j, at + i, by, 0)
-                across, noise_across = _by(light, at + j, at + i, 0, by)
-                for k in range(2):
-                    own2 = sigma[j, i, k] ** 2
-                    per_light2 = 2.0 * (px_per_rad * rest[j, i] / modulation[j, i, k]) ** 2
-                    by_down = per_light2 * down**2 - nothing * noise_down * own2
-                    by_across = per_light2 * across**2 - nothing * noise_across * own2
-                    if by_down > 0.0 or by_across > 0.0:
-                        sigma[j, i, k] = math.sqrt(own2 + max(by_down, by_across))
+            down, noise_down = _lack(
+                light[r - 2 * by, c], light[r - by, c], now, light[r + by, c], light[r + 2 * by, c]
+            )
+            across, noise_across = _lack(
+                light[r, c - 2 * by], light[r, c - by], now, light[r, c + by], light[r, c + 2 * by]
+            )
+            if down == 0.0 and across == 0.0:
+                continue
+            lost2 = 2.0 * (px_per_rad * rest[j, i]) ** 2
+            for k in range(2):
+                amplitude2, own2 = float(modulation[j, i, k]) ** 2, sigma[j, i, k] ** 2
+                by_down = lost2 * down**2 - nothing * noise_down * own2 * amplitude2
+                by_across = lost2 * across**2 - nothing * noise_across * own2 * amplitude2
+                if by_down > 0.0 or by_across > 0.0:
+                    sigma[j, i, k] = math.sqrt(own2 + max(by_down, by_across) / amplitude2)

@@ -8,20 +8,19 @@ known in the frame before.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 
 import cv2
-import numba
 import numpy as np
 
-from zeromethod.arrays import Flags, Float, Mask
+from zeromethod.arrays import Float, Mask
 from zeromethod.exposure.pairing import Observation
 from zeromethod.exposure.unmixing import at_full_contrast, unmix
 from zeromethod.loop.across_seams import at_seams, bridged, settle_order
 from zeromethod.loop.beside_dark import BesideDark
 from zeromethod.loop.panel_blur import PanelBlur
 from zeromethod.sensing.residual import Residual
+from zeromethod.warp.components import blank, differences, largest_change, twice
 from zeromethod.warp.compose import compose
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.jacobian import warp_flags
@@ -55,85 +54,34 @@ class Expected:
     continued_px: Float
 
 
-@numba.njit(cache=True)
-def _blank(q: Float, flags: Flags) -> None:
-    for j in range(flags.shape[0]):
-        for i in range(flags.shape[1]):
-            if flags[j, i]:
-                q[j, i, 0] = math.nan
-                q[j, i, 1] = math.nan
+def _propagate(shown: Float, sigma_px: Float, spacing_px: float) -> Float:
+    """sigma_i^2 = sum_j (dq_i/du_j sigma_j)^2, LCD px (rows, cols, 2); inf where sigma_px is not finite."""
+    along, across = differences(shown, 1), differences(shown, 0)
+    with np.errstate(invalid="ignore"):  # 0 times inf
+        along *= twice(sigma_px[..., 0] / spacing_px)
+        across *= twice(sigma_px[..., 1] / spacing_px)
+    along *= along
+    across *= across
+    along += across
+    sigma = np.sqrt(along, out=along)
+    np.copyto(sigma, np.inf, where=np.isnan(sigma))
+    return sigma
 
 
-@numba.njit(cache=True)
-def _errors(above: Float, row: Float, below: Float, per: Float, su: Float, sv: Float, out: Float) -> None:
-    """Sigma of a row, both components in turn (n,), so that the compiler vectorises it.
-
-    row: (n + 4,) with a node more at either end. per: over a node difference, along and across. su, sv: (n,).
-    """
-    along, across = per[0], per[1]
-    for n in range(out.size):
-        a, b = along * (row[n + 4] - row[n]) * su[n], across * (below[n] - above[n]) * sv[n]
-        error = math.sqrt(a * a + b * b)
-        out[n] = error if math.isfinite(su[n] + sv[n]) else math.inf
-
-
-@numba.njit(cache=True)
-def _propagate(shown: Float, sigma_px: Float, inverse_spacing: float, sigma: Float) -> None:
-    """sigma_i^2 = sum_j (dq_i/du_j sigma_j)^2, central differences (one-sided at the grid's edge)."""
-    rows, width = shown.shape[0], 2 * shown.shape[1]
-    row, su, sv, per = np.empty(width + 4), np.empty(width), np.empty(width), np.empty(2)
-    for j in range(rows):
-        j0, j1 = max(j - 1, 0), min(j + 1, rows - 1)
-        per[0], per[1] = 0.5 * inverse_spacing, inverse_spacing / (j1 - j0)
-        row[2 : width + 2] = shown[j].reshape(width)
-        for k in range(2):  # straight on beyond the edge
-            row[k], row[width + 2 + k] = 2 * row[2 + k] - row[4 + k], 2 * row[width + k] - row[width - 2 + k]
-        for n in range(0, width, 2):
-            su[n] = su[n + 1] = sigma_px[j, n // 2, 0]
-            sv[n] = sv[n + 1] = sigma_px[j, n // 2, 1]
-        above, below = shown[j0].reshape(width), shown[j1].reshape(width)
-        _errors(above, row, below, per, su, sv, sigma[j].reshape(width))
-
-
-@numba.njit(cache=True)
-def _expected(shown: Float, known: Float, inverse_spacing: float, out: Float) -> None:
+def _expected(shown: Float, known: Float, spacing_px: float) -> Float:
     """Solve to first order shown((u, v) + d) = known for d, camera px; NaN where shown has no area."""
-    rows, cols = shown.shape[0], shown.shape[1]
-    for j in range(rows):
-        j0, j1 = max(j - 1, 0), min(j + 1, rows - 1)
-        dv = inverse_spacing / (j1 - j0)
-        for i in range(cols):
-            i0, i1 = max(i - 1, 0), min(i + 1, cols - 1)
-            du = inverse_spacing / (i1 - i0)
-            out[j, i, 0] = out[j, i, 1] = math.nan
-            xu, yu = du * (shown[j, i1, 0] - shown[j, i0, 0]), du * (shown[j, i1, 1] - shown[j, i0, 1])
-            xv, yv = dv * (shown[j1, i, 0] - shown[j0, i, 0]), dv * (shown[j1, i, 1] - shown[j0, i, 1])
-            area = xu * yv - xv * yu
-            if area != 0.0:
-                dx, dy = known[j, i, 0] - shown[j, i, 0], known[j, i, 1] - shown[j, i, 1]
-                out[j, i, 0] = (yv * dx - xv * dy) / area
-                out[j, i, 1] = (xu * dy - yu * dx) / area
-
-
-@numba.njit(cache=True)
-def _change(d: Float, expected: Float, flags: Flags) -> float:
-    """Largest |d - expected| over valid nodes; NaN, no expectation, counts for nothing."""
-    largest = 0.0
-    for j in range(flags.shape[0]):
-        for i in range(flags.shape[1]):
-            if flags[j, i] == 0:
-                for k in range(2):
-                    change = abs(d[j, i, k] - expected[j, i, k])
-                    if change > largest:  # noqa: PLR1730 - max() would let NaN through
-                        largest = change
-    return largest
+    along, across, away = differences(shown, 1), differences(shown, 0), known - shown
+    xu, yu, xv, yv = along[..., 0], along[..., 1], across[..., 0], across[..., 1]
+    dx, dy = away[..., 0], away[..., 1]
+    area = xu * yv - xv * yu
+    nodes = spacing_px / np.where(area == 0.0, np.nan, area)
+    return np.stack([(yv * dx - xv * dy) * nodes, (xu * dy - yu * dx) * nodes], axis=-1)
 
 
 def expect(observation: Observation, known_q: Float, trusted: Mask, rest: Rest) -> Expected:
     """What the residual of an observation is expected to be; arguments as the members of `Expected`."""
-    out = np.empty_like(known_q)
-    _expected(observation.shown.q, known_q, 1 / rest.grid.spacing_px, out)
-    return Expected(known_q, trusted, np.where(trusted[..., None], out, np.nan), out)
+    continued = _expected(observation.shown.q, known_q, rest.grid.spacing_px)
+    return Expected(known_q, trusted, np.where(twice(trusted), continued, np.nan), continued)
 
 
 def unmixed(residual: Residual, observation: Observation, grid: NodeGrid) -> Residual:
@@ -205,7 +153,7 @@ def measure_warp(
     if blur is not None:
         blur.add_hidden(shown.q, q)
     flags = residual.flags | rest.flags
-    _blank(q, flags)
+    blank(q, flags != 0)
     size, spacing_px = rest.display_size, grid.spacing_px
     flags |= warp_flags(q, rest.q, grid.period_px, size, spacing_px=spacing_px, rest_areas=rest.areas)
     flags[seam] = _SEAM
@@ -219,10 +167,10 @@ def measure_warp(
         flags[over_seams] = _SEAM
         valid |= over_seams
     if (rest.visible & (flags != 0)).any():
-        sudden = _change(residual.d, expected.residual_px, flags) > SUDDEN_PERIODS * grid.period_px
+        changes = largest_change(residual.d, expected.residual_px)[flags == 0]
+        sudden = bool((changes > SUDDEN_PERIODS * grid.period_px).any())  # NaN, no expectation, is not
         doubt = order_in_doubt(valid, np.zeros_like(expected.trusted) if sudden else expected.trusted)
         if doubt is not None:
             flags[doubt & (flags & _SEAM == 0)] |= _AMBIGUOUS
-    sigma = np.empty_like(q)
-    _propagate(shown.q, sigma_px, 1 / grid.spacing_px, sigma)
+    sigma = _propagate(shown.q, sigma_px, grid.spacing_px)
     return Warp(q, sigma, flags, shown.time_ns)

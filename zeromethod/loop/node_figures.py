@@ -1,49 +1,45 @@
-"""Figures of all nodes of a frame, in one pass each: left to null, seen, away from rest."""
+"""Figures of all nodes of a frame: left to null, seen, away from rest."""
 
 from __future__ import annotations
 
-import numba
+import math
+
+import cv2
 import numpy as np
 
 from zeromethod.arrays import Flags, Float, Mask
+from zeromethod.warp.components import largest_change, squared_length
 from zeromethod.warp.validity import Flag
 
-_LIGHT_LOST, _CODED = int(Flag.LIGHT_LOST), int(Flag.CODED)
+_LIGHT_LOST, _CODED = np.uint16(Flag.LIGHT_LOST), np.uint16(Flag.CODED)
 
 
-@numba.njit(cache=True)
 def node_figures(d: Float, nulled: Mask, valid: Mask, seen: Mask, flags: Flags) -> tuple[float, float, float]:
     """(mean square length of d over nulled nodes; valid share of the seen ones, and that without light).
 
     flags: of the measured warp. A node that sees coded pictures may look dark and be lit.
     """
-    total = 0.0
-    nodes = both = wanted = dark = 0
-    for j in range(valid.shape[0]):
-        for i in range(valid.shape[1]):
-            if seen[j, i]:
-                wanted += 1
-                dark += flags[j, i] & _LIGHT_LOST != 0 and flags[j, i] & _CODED == 0
-            both += valid[j, i] and seen[j, i]
-            if nulled[j, i]:
-                nodes += 1
-                total += d[j, i, 0] ** 2 + d[j, i, 1] ** 2
-    return total / nodes if nodes else np.nan, both / max(wanted, 1), dark / max(wanted, 1)
+    squares = squared_length(d)[nulled]
+    dark = flags & (_LIGHT_LOST | _CODED) == _LIGHT_LOST
+    wanted = max(int(np.count_nonzero(seen)), 1)
+    shares = int(np.count_nonzero(valid & seen)) / wanted, int(np.count_nonzero(dark & seen)) / wanted
+    return float(squares.mean()) if len(squares) else math.nan, *shares
 
 
-@numba.njit(cache=True)
 def quiet_share(q: Float, before: Float, flags: Flags, apart: Mask, within: float) -> float:
     """Share of the valid nodes not apart that have moved by less, LCD px; 0 where there are none."""
-    nodes = quiet = 0
-    for j in range(flags.shape[0]):
-        for i in range(flags.shape[1]):
-            if flags[j, i] == 0 and not apart[j, i]:
-                nodes += 1
-                quiet += max(abs(q[j, i, 0] - before[j, i, 0]), abs(q[j, i, 1] - before[j, i, 1])) < within
-    return quiet / max(nodes, 1)
+    nodes = (flags == 0) & ~apart
+    quiet = nodes & (largest_change(q, before) < within)
+    return int(np.count_nonzero(quiet)) / max(int(np.count_nonzero(nodes)), 1)
 
 
-@numba.njit(cache=True)
+def block_sums(values: Float, side: int, step: int) -> Float:
+    """Sums of nodes (rows, cols) or (rows, cols, 2) in blocks of `side` that begin every `step` nodes."""
+    size, beyond = (side, side), cv2.BORDER_CONSTANT
+    sums = cv2.boxFilter(values, -1, size, anchor=(0, 0), normalize=False, borderType=beyond)
+    return np.asarray(sums[::step, ::step], np.float64)
+
+
 def at_rest(
     q: Float, q_rest: Float, sigma: Float, valid: Mask, half: int, sigmas: float, within: float
 ) -> bool:
@@ -53,34 +49,15 @@ def at_rest(
     side and `half` from the next, is off where the root of its mean square per component is above so many
     sigmas and `within`.
     """
-    rows, cols = valid.shape
-    parts = np.zeros((2, -(-rows // half), -(-cols // half)))
-    noise = 0.0
-    for j in range(rows):
-        for i in range(cols):
-            if valid[j, i]:
-                x, y = q[j, i, 0] - q_rest[j, i, 0], q[j, i, 1] - q_rest[j, i, 1]
-                parts[0, j // half, i // half] += 0.5 * (x * x + y * y)
-                parts[1, j // half, i // half] += 1.0
-                noise += 0.5 * (sigma[j, i, 0] ** 2 + sigma[j, i, 1] ** 2)
-    limit = (sigmas * np.sqrt(noise / max(parts[1].sum(), 1.0)) + within) ** 2
-    for top in range(max(parts.shape[1] - 1, 1)):
-        for left in range(max(parts.shape[2] - 1, 1)):
-            total, nodes = parts[0, top : top + 2, left : left + 2], parts[1, top : top + 2, left : left + 2]
-            if total.sum() > limit * nodes.sum():
-                here = slice(half * top, half * (top + 2)), slice(half * left, half * (left + 2))
-                if _without_largest(q[here] - q_rest[here], valid[here]) > limit:
-                    return False
+    squares = np.where(valid, 0.5 * squared_length(q - q_rest), 0.0)
+    noise = 0.5 * squared_length(sigma)[valid].sum() / max(np.count_nonzero(valid), 1)
+    limit = (sigmas * math.sqrt(noise) + within) ** 2
+    nodes = block_sums(valid.astype(float), 2 * half, half)
+    off = (block_sums(squares, 2 * half, half) > limit * nodes) & (nodes > 0)
+    down, across = (max(size - 1, 1) for size in off.shape)  # the last one lies within the one before
+    for top, left in half * np.argwhere(off[:down, :across]):
+        here = slice(top, top + 2 * half), slice(left, left + 2 * half)
+        least = np.sort(squares[here][valid[here]])
+        if least[: len(least) - len(least) // 4].mean() > limit:
+            return False
     return True
-
-
-@numba.njit(cache=True)
-def _without_largest(away: Float, valid: Mask) -> float:
-    """Mean square per component of displacements (rows, cols, 2) of valid nodes, least three quarters."""
-    squares, nodes = np.empty(valid.size), 0
-    for j in range(valid.shape[0]):
-        for i in range(valid.shape[1]):
-            if valid[j, i]:
-                squares[nodes] = 0.5 * (away[j, i, 0] ** 2 + away[j, i, 1] ** 2)
-                nodes += 1
-    return float(np.sort(squares[:nodes])[: nodes - nodes // 4].mean())

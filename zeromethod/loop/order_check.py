@@ -14,15 +14,14 @@ and what is left of the difference says by how many periods m the first was misr
 from __future__ import annotations
 
 import enum
-import math
 
-import numba
 import numpy as np
 
 from zeromethod.arrays import Flags, Float, Ints, Mask
 from zeromethod.exposure.pairing import Observation
 from zeromethod.loop.measured_warp import Expected, expect
 from zeromethod.sensing.residual import Residual
+from zeromethod.warp.components import largest_change
 from zeromethod.warp.compose import compose
 from zeromethod.warp.continuation import continue_smoothly
 from zeromethod.warp.rest import Rest
@@ -288,15 +287,10 @@ def _alone(observation: Observation, q: Float, within_px: float) -> bool:
     return bool(np.abs(observation.shown.q - q).max() < within_px)
 
 
-@numba.njit(cache=True)
 def _changes(d: Float, expected: Float, flags: Flags, quiet_px: float, jump_px: float) -> tuple[float, float]:
     """Shares of the valid nodes (rows, cols) that are as expected, and that jumped; camera px."""
-    nodes = quiet = jumped = 0
-    for j in range(flags.shape[0]):
-        for i in range(flags.shape[1]):
-            if flags[j, i] == 0 and math.isfinite(expected[j, i, 0]):
-                change = max(abs(d[j, i, 0] - expected[j, i, 0]), abs(d[j, i, 1] - expected[j, i, 1]))
-                nodes += 1
-                quiet += change < quiet_px
-                jumped += change > jump_px
-    return quiet / max(nodes, 1), jumped / max(nodes, 1)
+    change = largest_change(d, expected)
+    known = (flags == 0) & np.isfinite(change)
+    quiet, jumped = known & (change < quiet_px), known & (change > jump_px)
+    nodes = max(int(np.count_nonzero(known)), 1)
+    return int(np.count_nonzero(quiet)) / nodes, int(np.count_nonzero(jumped)) / nodes

@@ -10,13 +10,12 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 from scipy.ndimage import maximum_filter
 
 from zeromethod.arrays import Float, Mask
-from zeromethod.loop.node_figures import at_rest
-from zeromethod.rounding import REORDERED
+from zeromethod.loop.node_figures import at_rest, block_sums
+from zeromethod.warp.components import blank, squared_length, twice
 from zeromethod.warp.warp import Warp
 
 REST_BLOCK = 4
@@ -101,87 +100,40 @@ class RestMemory:
         """
         if self._frames == 0:
             return 0.0
-        noises = SIGMAS * np.sqrt(1.0 + 1.0 / self._frames)
-        given = away, self.off, self._open, sigma, valid & self._known, PART, noises
-        pressed, nodes, mean = _unlike(*given, np.zeros((*self._terms.shape[:2], 2)))
+        known = valid & self._known
+        limit = WITHIN_LCD_PX + SIGMAS * math.sqrt(1.0 + 1.0 / self._frames) * sigma
+        pressed = self._unlike(away, limit, known)
         if pressed > 0.0:
-            terms = self._terms * (nodes >= LEAST_NODES)[..., None]
-            shift = np.linalg.lstsq(terms.reshape(-1, 6), mean.reshape(-1, 2), rcond=None)[0]
-            pressed = _unlike(*given, self._terms @ shift)[0]
-        return float(pressed)
+            pressed = self._unlike(away - self._drift(away, known), limit, known)
+        return pressed
+
+    def _drift(self, away: Float, known: Mask) -> Float:
+        """Change (rows, cols, 2) since rest that is smooth over the view."""
+        now = away - self.off
+        blank(now, ~known, 0.0)
+        nodes = block_sums(known.astype(float), PART, PART)
+        enough = nodes >= LEAST_NODES
+        terms, mean = self._terms[enough], block_sums(now, PART, PART)[enough] / nodes[enough, None]
+        drift: Float = self._terms @ np.linalg.lstsq(terms, mean, rcond=None)[0]
+        rows, cols = known.shape
+        return drift.repeat(PART, axis=0)[:rows].repeat(PART, axis=1)[:, :cols]
+
+    def _unlike(self, away: Float, limit: Float, known: Mask) -> float:
+        """Largest rms of a part that is neither as it was nor where the untouched mirror is, LCD px."""
+        now, as_it_was, untouched = away - self.off, limit + self._open, away / limit
+        np.divide(now, as_it_was, out=as_it_was)
+        unknown = twice(~known)
+        for values in (now, as_it_was, untouched):
+            np.copyto(values, 0.0, where=unknown)
+        nodes = block_sums(known.astype(float), PART, PART)
+        # as it was, or as the untouched mirror is: something may have lifted since
+        unlike = (nodes >= LEAST_NODES) & ~(_within(as_it_was, nodes) | _within(untouched, nodes))
+        squares = block_sums(0.5 * squared_length(now), PART, PART)[unlike] / nodes[unlike]
+        return math.sqrt(squares.max(initial=0.0))
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
-def _add_row(
-    away: Float, off: Float, dirt: Float, sigma: Float, known: Mask, noises: float, drift: Float, sums: Float
-) -> None:
-    """Add one row of nodes, both components in turn (n,), to `sums` (6, n).
-
-    Those are displacements since rest, these over their limits, and those from the untouched mirror over
-    theirs; and the squares of all. Arguments are one row of those of `_unlike`. As lines, so that they are
-    vectorised.
-    """
-    s0, s1, s2, s3, s4, s5 = sums[0], sums[1], sums[2], sums[3], sums[4], sums[5]
-    for n in range(len(known)):
-        raw = away[n] - drift[n]
-        now = raw - off[n]
-        limit = WITHIN_LCD_PX + noises * sigma[n]
-        wider = limit + dirt[n]
-        per = 1.0 / (limit * wider)
-        now = now if known[n] else 0.0
-        as_it_was = now * (per * limit) if known[n] else 0.0
-        untouched = raw * (per * wider) if known[n] else 0.0
-        s0[n] += now
-        s1[n] += as_it_was
-        s2[n] += untouched
-        s3[n] += now * now
-        s4[n] += as_it_was * as_it_was
-        s5[n] += untouched * untouched
-
-
-@numba.njit(cache=True)
-def _unlike(
-    away: Float, off: Float, dirt: Float, sigma: Float, valid: Mask, side: int, noises: float, drift: Float
-) -> tuple[float, Float, Float]:
-    """Largest rms of a part that is neither as it was nor where the untouched mirror is, LCD px.
-
-    away, off (rows, cols, 2): displacement now and at rest, which may have changed by dirt (rows, cols, 2).
-    drift: (rows, cols, 2) of parts, taken off. Also how many of each part's nodes are valid, and their mean
-    of away - off, 0 where they are too few.
-    """
-    rows, cols = valid.shape
-    down, across = drift.shape[:2]
-    counts, means, worst = np.zeros((down, across)), np.zeros((down, across, 2)), 0.0
-    sums, part = np.zeros((6, 2 * cols)), np.zeros((6, 2))
-    of_row, known, seen = np.zeros((cols, 2)), np.zeros((cols, 2), np.bool_), np.zeros(cols)
-    for top in range(down):
-        sums[:], seen[:] = 0.0, 0.0
-        for i in range(cols):
-            of_row[i] = drift[top, i // side]
-        for j in range(top * side, min((top + 1) * side, rows)):
-            for i in range(cols):
-                known[i, 0] = known[i, 1] = valid[j, i]
-                seen[i] += valid[j, i]
-            lines = away[j].reshape(-1), off[j].reshape(-1), dirt[j].reshape(-1), sigma[j].reshape(-1)
-            _add_row(*lines, known.reshape(-1), noises, of_row.reshape(-1), sums)
-        for left in range(across):
-            nodes = seen[left * side : (left + 1) * side].sum()
-            if nodes < LEAST_NODES:
-                continue
-            counts[top, left], part[:] = nodes, 0.0
-            for one in range(6):
-                for i in range(left * side, min((left + 1) * side, cols)):
-                    part[one, 0] += sums[one, 2 * i]
-                    part[one, 1] += sums[one, 2 * i + 1]
-            means[top, left] = part[0] / nodes + drift[top, left]
-            # as it was, or as the untouched mirror is: something may have lifted since
-            if not (_within(part[1], part[4], nodes) or _within(part[2], part[5], nodes)):
-                worst = max(worst, math.sqrt(0.5 * (part[3, 0] + part[3, 1]) / nodes))
-    return worst, counts, means
-
-
-@numba.njit(cache=True)
-def _within(sums: Float, squares: Float, nodes: float) -> bool:
-    """Whether nodes are within their limits: sums of both displacements over these, and of their squares."""
-    within = 0.5 * (squares[0] + squares[1]) <= nodes
-    return bool(within and max(abs(sums[0]), abs(sums[1])) <= 0.5 * nodes)
+def _within(over: Float, nodes: Float) -> Mask:
+    """Whether parts are within their limits: displacements (rows, cols, 2) over these, 0 where not known."""
+    square = block_sums(0.5 * squared_length(over), PART, PART)
+    sums = np.abs(block_sums(over, PART, PART))
+    return np.asarray((square <= nodes) & (np.maximum(sums[..., 0], sums[..., 1]) <= 0.5 * nodes))

@@ -8,10 +8,9 @@ fail. So does the picture next to a saw's seam that a slope opened, for as long 
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
-from zeromethod.arrays import Flags, Float, Ints, Mask
+from zeromethod.arrays import Float, Ints, Mask
 from zeromethod.loop.node_figures import quiet_share
 from zeromethod.warp.validity import Flag
 from zeromethod.warp.warp import Warp
@@ -32,7 +31,7 @@ class UnsteadyNodes:
     def __init__(self, shape: tuple[int, ...], *, at_rest: bool = False) -> None:
         """at_rest: follow nodes slowly only while the others stay where they are."""
         self._at_rest = at_rest
-        self._valid, self._failed = np.zeros(shape, np.bool_), np.zeros(shape, np.bool_)
+        self._valid: Mask = np.zeros(shape, np.bool_)
         self._failures: Ints = np.zeros(shape, np.int64)
         self._since_ns: Ints = np.zeros(shape, np.int64)
         self._until_ns: Ints = np.zeros(shape, np.int64)
@@ -44,8 +43,10 @@ class UnsteadyNodes:
         known_q: (rows, cols, 2) LCD px, where nodes were thought to look before it.
         """
         flags, time_ns = measured.flags, measured.time_ns
-        if _fails(self._valid, flags, self._failed):
-            failed = self._failed
+        valid = flags == 0
+        failed = self._valid & ~valid & (flags & _NOT_THE_WINDOW == 0)
+        self._valid = valid
+        if failed.any():
             late = time_ns - self._since_ns > 1e9 * WITHIN_S
             self._failures[failed & late] = 0
             self._since_ns[failed & (self._failures == 0)] = time_ns
@@ -60,19 +61,6 @@ class UnsteadyNodes:
         if self._at_rest and quiet_share(measured.q, known_q, flags, unsteady, QUIET_LCD_PX) <= QUIET_SHARE:
             return None
         return unsteady
-
-
-@numba.njit(cache=True)
-def _fails(valid: Mask, flags: Flags, failed: Mask) -> bool:
-    """Mark what was valid and fails by itself, and what is valid now; whether any fails."""
-    count = 0
-    for j in range(flags.shape[0]):
-        for i in range(flags.shape[1]):
-            now = flags[j, i] == 0
-            fails = valid[j, i] and not now and flags[j, i] & _NOT_THE_WINDOW == 0
-            failed[j, i], valid[j, i] = fails, now
-            count += fails
-    return count > 0
 
 
 def _with_neighbours(nodes: Mask) -> Mask:

@@ -6,7 +6,6 @@ than on the other, and a band of the mirror between is not seen at all.
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
 from zeromethod.arrays import Float, Ints, Mask
@@ -23,14 +22,20 @@ _LET_IN_PX = 6.0
 at rest moves none."""
 
 
-@numba.njit(cache=True)
-def gap_end(valid: Mask, seams: Ints, first: int) -> tuple[int, int]:
-    """Column of one row at which nodes without a value, from `first` on, end; the seam among them, or 0."""
-    end, seam = first, 0
-    while end < len(valid) and not valid[end]:
-        seam = max(seam, seams[end])
-        end += 1
-    return end, seam
+def gaps(valid: Mask, seams: Ints) -> tuple[Ints, Ints, Ints, Ints]:
+    """Runs of nodes of a row without a value that have a seam among them.
+
+    valid, seams: (rows, cols), seams by number, 0 for none. Result: (n,) row, first column, that after the
+    last, and seam of each; the one of the largest number where there are several.
+    """
+    turns = np.diff(~valid, axis=1, prepend=False, append=False)
+    row, column = np.nonzero(turns)
+    row, first, end = row[::2], column[::2], column[1::2]
+    starts = row * valid.shape[1]
+    within = np.stack([starts + first, starts + end], axis=-1).ravel()
+    seam = np.maximum.reduceat(np.append(seams.ravel(), 0), within)[::2]
+    has = seam > 0
+    return row[has], first[has], end[has], seam[has]
 
 
 class SeamMap:
