@@ -3,7 +3,7 @@
 Each fault of tests/mutants.toml is planted into a copy of the files that git knows, as they are now, together
 with what is compiled of them. First the tests run that should see it, up to the first failure; where they
 pass, the whole suite. A line for each fault says which test caught it; exit code 1 if one survived, 2 if the
-list does not fit the tree any more.
+list does not fit the tree any more. It says nothing where the suite fails anyway: first `make test`.
 """
 
 from __future__ import annotations
