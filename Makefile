@@ -30,8 +30,9 @@ rehearse: $(VENV)/.test-ready
 test: $(VENV)/.test-ready
 	$(BIN)/python -m pytest -n 4 -m 'not long' $(PYTEST_ARGS)
 
-# closed forms, conventions and refusals, chosen by `pytest --durations=0`: what takes seconds is left to `make test`
-QUICK := tests/test_sign_conventions.py tests/optics tests/mechanics tests/warp tests/rig
+# closed forms, conventions and refusals, chosen by their processor time: what takes seconds is left to `make test`
+QUICK := tests/test_sign_conventions.py tests/optics tests/mechanics tests/warp tests/rig tests/sensing tests/exposure \
+	tests/loop/test_state.py tests/contact/test_moments_and_track.py tests/publishing/test_message.py tests/tools
 
 test-quick: $(VENV)/.test-ready
 	$(BIN)/python -m pytest -n 2 -m 'not long' $(QUICK) $(PYTEST_ARGS)
