@@ -1,6 +1,8 @@
 # make run   set up, then close the loop on the simulated bench
 # make rehearse  set up, then run the real bench's code in real time on monitors that exist only in memory
 # make test  set up, then run the tests
+# make test-quick  set up, then run the tests of closed forms and refusals, for every save: under a minute on two cores
+# make mutants  plant twenty faults, one at a time, and say which test fails with each: under 30 minutes on two cores
 # make test-long  calibrations of whole benches and a run, in real time and pixel by pixel, some seven minutes
 # make lint  format, lint, types, import layers, docstrings of the public API, size of the rooms
 # make size  tokens, fixed numbers and compiled functions of every room
@@ -16,7 +18,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: run rehearse test test-long lint size golden golden-baseline bench bars clean
+.PHONY: run rehearse test test-quick test-long mutants lint size golden golden-baseline bench bars clean
 .DEFAULT_GOAL := run
 
 run: $(VENV)/.run-ready
@@ -33,6 +35,16 @@ rehearse: $(VENV)/.test-ready
 
 test: $(VENV)/.test-ready
 	$(BIN)/python -m pytest -n 4 -m 'not long' $(PYTEST_ARGS)
+
+# closed forms, conventions and refusals, chosen by their processor time: what takes seconds is left to `make test`
+QUICK := tests/test_sign_conventions.py tests/optics tests/mechanics tests/warp tests/rig tests/sensing tests/exposure \
+	tests/loop/test_state.py tests/contact/test_moments_and_track.py tests/publishing/test_message.py tests/tools
+
+test-quick: $(VENV)/.test-ready
+	$(BIN)/python -m pytest -n 2 -m 'not long' $(QUICK) $(PYTEST_ARGS)
+
+mutants: $(VENV)/.test-ready
+	@$(BIN)/python -m tools.mutants $(ARGS)
 
 test-long: $(VENV)/.test-ready
 	$(BIN)/python -m pytest -m long

@@ -71,6 +71,19 @@ def test_the_levels_show_the_press_and_readings_do_not():
     assert np.sqrt(np.mean(moved**2)) > 10 * rig.detectors.noise
 
 
+def test_slopes_of_the_map_are_the_mirrors_along_x_and_along_y():
+    rig = leds.packaged()
+    arrays = SimulatedArrays(rig)
+    arrays.scenario = leds.pressed([PRESS])
+    surfaces = [step.surface for step in LightLoop(rig, arrays).run(seconds=0.1) if step.surface is not None]
+    surface = surfaces[-1]
+    _, *true = arrays.true_mirror(surface.time_ns).field(surface.x_mm, surface.y_mm)
+    errors = (surface.slope - np.stack(true, axis=-1)) / surface.sigma_slope
+    # of 512 slopes none is beyond 5 sigma by noise; the press has slopes of 20 mrad, tens of sigma
+    assert np.abs(errors).max() < 5
+    assert np.abs(surface.slope[..., 0] - surface.slope[..., 1]).max() > 20 * surface.sigma_slope.max()
+
+
 def test_dead_channels_are_named_at_the_start_and_left_out():
     dead = {"dead_leds": (17, 120), "dead_detectors": (3, 136), "saturated_detectors": (200,)}
     out = leds.run(leds.packaged(fault_s=-10.0, **dead), leds.pressed([PRESS]))

@@ -86,6 +86,9 @@ def test_what_touches_has_its_border_and_figures():
         found == {"id": 3, "x_mm": 10.0, "y_mm": 7.5, "age_s": 0.0, "leak_mm": 0.0} | sizes | sigmas | unknown
     )
     assert header["total_force_n"] is None
+    forces = {"total_force_n": 0.5, "sigma_total_force_n": 0.01}
+    header, _ = message(a_step(7, dent(0.2), contacts=(contact,), **forces))
+    assert {name: header[name] for name in forces} == forces
 
 
 def test_what_is_not_known_is_null():
