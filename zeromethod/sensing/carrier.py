@@ -59,7 +59,7 @@ class CarrierEstimator:
         self._gain = carrier_power(period).astype(np.float32)
         self._px_per_rad = period / (2 * np.pi)
         self._scales = Scales.of(noise, limits, period)
-        self._work = np.zeros((6, cols), np.float32)
+        self._work, self._extremes = np.zeros((6, cols), np.float32), np.zeros((2, rows, cols), np.float32)
 
     def estimate(self, image: Image, reference_light: Single, out: Residual) -> None:
         """Fill the measurable nodes of `out`; its d receives the wrapped displacements.
@@ -69,15 +69,12 @@ class CarrierEstimator:
         planes, scales = self._demodulator.planes(image), self._scales
         noise = scales.still, scales.per_grey, scales.black
         carriers = self._turn, self._diagonal, self._gain, self._px_per_rad
-        _read_planes(planes, *carriers, *noise, self._work, out.d, out.sigma, out.modulation)
-        mean, sigma, amplitude = planes[0], out.sigma[_INNER], out.modulation[_INNER]
+        work = self._work, self._extremes
+        _read_planes(planes, *carriers, *noise, *work, out.d, out.sigma, out.modulation)
+        mean = planes[0]
         out.mean[_INNER] = mean
         over = clipped_pixels(image, self._ceiling, mean.shape, self._half)
-        worst, least = (
-            np.maximum(sigma[..., 0], sigma[..., 1]),
-            np.minimum(amplitude[..., 0], amplitude[..., 1]),
-        )
-        out.flags[_INNER] = flags_of(worst, least, mean - scales.black, reference_light, over, scales)
+        out.flags[_INNER] = flags_of(*self._extremes, mean - scales.black, reference_light, over, scales)
 
 
 @numba.njit(cache=True, error_model="numpy", fastmath=FAST, inline="always")
@@ -109,6 +106,7 @@ def _arctan2(y: np.float32, x: np.float32) -> np.float32:
     numba.float32,
     numba.float32,
     numba.float32[:, ::1],
+    numba.float32[:, :, ::1],
     numba.float64[:, :, ::1],
     numba.float64[:, :, ::1],
     numba.float32[:, :, ::1],
@@ -124,6 +122,7 @@ def _read_planes(
     per_grey: float,
     black: float,
     work: Single,
+    extremes: Single,
     d: Float,
     sigma: Float,
     modulation: Single,
@@ -131,8 +130,8 @@ def _read_planes(
     """Phase and its standard deviation (px) and amplitude of both carriers at the measurable nodes.
 
     planes: (5, rows, cols) of the demodulator. turn: (2, rows, cols) by which the carriers' phases are turned
-    back. scale: px per rad. still, per_grey, black: `Scales`. work: (6, cols). d, sigma and
-    modulation have padding.
+    back. scale: px per rad. still, per_grey, black: `Scales`. work: (6, cols). extremes: (2, rows, cols)
+    receives the larger standard deviation and the smaller amplitude. d, sigma and modulation have padding.
     """
     g0, g1, g2, g3 = gain[0], gain[1], gain[2], gain[3]
     half, quarter, two = np.float32(0.5), np.float32(0.25), np.float32(2)
@@ -164,8 +163,9 @@ def _read_planes(
                 vu = pixel * nu * g0 + per_grey * (au * quarter * (g1 * c - g3 * c3) * g0 + av * nu * g1 * e)
                 vv = pixel * nv * g0 + per_grey * (av * quarter * (g1 * e - g3 * e3) * g0 + au * nv * g1 * c)
                 vu, vv = ku * ku * vu, kv * kv * vv
-            work[2, j], work[3, j] = np.sqrt(vu) if au > 0 else most, np.sqrt(vv) if av > 0 else most
-            work[4, j], work[5, j] = au, av
+            du, dv = np.sqrt(vu) if au > 0 else most, np.sqrt(vv) if av > 0 else most
+            work[2, j], work[3, j], work[4, j], work[5, j] = du, dv, au, av
+            extremes[0, r, j], extremes[1, r, j] = max(du, dv), min(au, av)
         for k in range(2):
             for j in range(planes.shape[2]):
                 d[r + PADDING, j + PADDING, k] = work[k, j]

@@ -19,7 +19,7 @@ FAST = {"reassoc", "contract", "arcp", "nsz"}
 """Fast-math flags that keep infinity and NaN."""
 
 
-_STRIP_BLOCKS = 8
+_STRIP_BLOCKS = 16
 """Blocks of rows whose grey levels are converted at a time, so that they stay in the cache."""
 
 

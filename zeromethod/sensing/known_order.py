@@ -38,12 +38,14 @@ _INNER = slice(PADDING, -PADDING), slice(PADDING, -PADDING)
 
 def is_near_null(d: Float, flags: Flags, period: float) -> bool:
     """Whether all nodes are within a quarter period (no edge jumps) and holes too few to cut off a region."""
-    d, flags = d[_INNER], flags[_INNER]
-    bad = flags != 0
+    inner, limit = flags[_INNER], period / 4
+    bad = inner != 0
     # nodes covered by coded strips are whole edges of the view, which cut nothing off
-    if np.count_nonzero(bad & ((flags & np.uint16(_OUTSIDE)) == 0)) > 3:
+    if np.count_nonzero(bad & ((inner & np.uint16(_OUTSIDE)) == 0)) > 3:
         return False
-    far = np.abs(d) > period / 4
+    if d.max() <= limit and d.min() >= -limit:
+        return True
+    far = np.abs(d[_INNER]) > limit
     return not ((far[..., 0] | far[..., 1]) & ~bad).any()
 
 

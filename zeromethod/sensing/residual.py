@@ -72,10 +72,10 @@ def flags_of(
     Arrays (rows, cols); clipped: or 0, for all nodes.
     """
     weak = ~(sigma <= scales.sigma_px) | (amplitude < scales.visibility * light)
-    lost, saturated = light < scales.light_share * rest, np.greater(clipped, scales.clipped)
     flags: Flags = weak * np.uint16(MODULATION)
-    flags |= lost * np.uint16(LIGHT_LOST)
-    flags |= saturated * np.uint16(SATURATED)
+    flags |= (light < scales.light_share * rest) * np.uint16(LIGHT_LOST)
+    if np.any(clipped):
+        flags |= np.greater(clipped, scales.clipped) * np.uint16(SATURATED)
     return flags
 
 

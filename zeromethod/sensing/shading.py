@@ -77,12 +77,14 @@ def leak(modulation: Single, d: Float, flags: Flags, period: float, r: int, c: i
 def _suspects(mean: Single, black: float) -> Mask:
     """Measured nodes with a bend or slope near the limit, by a quick test that ignores the leak."""
     light = mean - np.float32(black)
-    bent, sloping = 0.3 * LARGEST_BEND * light, 1.99 * LARGEST_SLOPE * light
+    bent, sloping, twice = 0.3 * LARGEST_BEND * light, 1.99 * LARGEST_SLOPE * light, 2 * mean
     near = np.zeros(mean.shape, np.bool_)
-    for values, out, bend, slope in ((mean, near, bent, sloping), (mean.T, near.T, bent.T, sloping.T)):
-        before, here, after = values[:-2], values[1:-1], values[2:]
-        out[1:-1] |= np.abs(before - 2 * here + after) > bend[1:-1]
-        out[1:-1] |= np.abs(after - before) > slope[1:-1]
+    for first, middle, last in (
+        ((slice(None, -2),), (slice(1, -1),), (slice(2, None),)),
+        ((..., slice(None, -2)), (..., slice(1, -1)), (..., slice(2, None))),
+    ):
+        near[middle] |= np.abs(mean[first] + mean[last] - twice[middle]) > bent[middle]
+        near[middle] |= np.abs(mean[last] - mean[first]) > sloping[middle]
     # the first and last row have another on one side alone
     near[0] |= np.abs(mean[1:2] - mean[0]).max(axis=0, initial=0.0) > sloping[0]
     near[-1] |= np.abs(mean[-2:-1] - mean[-1]).max(axis=0, initial=0.0) > sloping[-1]

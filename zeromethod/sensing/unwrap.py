@@ -86,17 +86,20 @@ def unwrap_orders(
     guess, continued: as for `Unwrapper.unwrap`, along the carriers. border_share: least share of the border's
     nodes by which a region's order is settled.
     """
-    guess, continued = (None if one is None else _by_component(one) for one in (guess, continued))
-    wrapped, flags = _by_component(d), flags[_INNER]
-    jumps, costs = _rate_edges(wrapped, _by_component(sigma), flags, continued, period)
+    whole_flags, flags = flags, flags[_INNER]
+    jumps, costs = np.zeros((2, 2, *flags.shape), np.int32), np.full((2, *flags.shape), BLOCKED, np.uint8)
+    steps = np.zeros((0, 0, 2)) if continued is None else continued
+    _rate_edges(d, sigma, whole_flags, steps, period, jumps, costs)
     _drop_residues(flags, jumps, costs)
+    wrapped = _by_component(d)
     label, order = np.zeros(flags.shape, np.int32), np.zeros(wrapped.shape, np.int32)
     head, after = np.full(BLOCKED, -1, np.int32), np.empty(4 * flags.size, np.int32)
     count = 1 + _flood(jumps, costs, flags == 0, label, order, head, after)
     orders, determined = np.zeros((2, count), np.int64), np.zeros(count, np.bool_)
     if guess is not None:
-        known = np.isfinite(guess[0] + guess[1])
-        _, determined, orders = _region_orders(wrapped, guess, known, label, order, period, count)
+        expected = _by_component(guess)
+        known = np.isfinite(expected[0] + expected[1])
+        _, determined, orders = _region_orders(wrapped, expected, known, label, order, period, count)
     if not determined[1:].all():
         border = _border(flags)
         nodes, agreed, nearest = _region_orders(wrapped, None, border, label, order, period, count)
@@ -114,31 +117,47 @@ def _by_component(field: Float) -> Float:
     return np.ascontiguousarray(np.moveaxis(field[_INNER], -1, 0))
 
 
+@kernel(
+    read(numba.float64, 3),
+    read(numba.float64, 3),
+    read(numba.uint16, 2),
+    read(numba.float64, 3),
+    numba.float64,
+    numba.int32[:, :, :, ::1],
+    numba.uint8[:, :, ::1],
+)
 def _rate_edges(
-    d: Float, sigma: Float, flags: Flags, continued: Float | None, period: float
-) -> tuple[Whole, Bytes]:
+    d: Float, sigma: Float, flags: Flags, continued: Float, period: float, jumps: Whole, costs: Bytes
+) -> None:
     """Jump (periods) and cost (0..254, or BLOCKED) of every edge: to the right (0), downwards (1).
 
-    Jumps (2, 2, rows, cols), costs (2, rows, cols), by way first. Where the step is nearly the continued
-    guess's but for whole periods, both are those of the difference: a step of half a period, as the summit of
-    a deep dent has in an open loop, would go either way by noise.
+    Fields with padding, continued (0, 0, 2) for none; jumps (2, 2, rows, cols) and costs (2, rows, cols) of
+    measurable nodes, by way first, all 0 and BLOCKED before. Where the step is nearly the continued guess's
+    but for whole periods, both are those of the difference: a step of half a period, as the summit of a deep
+    dent has in an open loop, would go either way by noise.
     """
-    jumps, costs = np.zeros((2, *d.shape), np.int32), np.full((2, *flags.shape), BLOCKED, np.uint8)
-    d, sigma = d / period, sigma / period
-    apart = None if continued is None else d - continued / period
-    for way, (here, there) in enumerate(EDGES):
-        joined = (flags[here] | flags[there]) == 0
-        step = d[there] - d[here]
-        if apart is not None:
-            further = apart[there] - apart[here]
-            close = np.abs(further - np.rint(further)) < AS_GUESSED
-            step = np.where(close, further, step)
-        jump = -np.rint(step)
-        steep = np.abs(step + jump) + (sigma[here] + sigma[there])
-        cost = 508.0 * np.maximum(*steep)
-        jumps[way][here] = np.where(joined, jump, 0.0)
-        costs[way][here] = np.where(joined & (cost < int(STEEPEST * 254) + 1), cost, BLOCKED)
-    return jumps, costs
+    scale, inverse = 508.0 / period, 1.0 / period
+    highest = int(STEEPEST * 254)
+    for r in range(costs.shape[1]):
+        for c in range(costs.shape[2]):
+            a, b = r + PADDING, c + PADDING
+            for way in range(2):
+                p, q = (a, b + 1) if way == 0 else (a + 1, b)
+                if flags[a, b] | flags[p, q]:
+                    continue
+                steep = 0.0
+                for k in range(2):
+                    step = d[p, q, k] - d[a, b, k]
+                    if continued.size > 0:
+                        apart = step - (continued[p, q, k] - continued[a, b, k])
+                        if abs(apart - period * np.rint(apart * inverse)) < AS_GUESSED * period:
+                            step = apart
+                    jump = -np.rint(step * inverse)
+                    jumps[way, k, r, c] = int(jump)
+                    steep = max(steep, abs(step + jump * period) + (sigma[a, b, k] + sigma[p, q, k]))
+                cost = int(steep * scale)
+                if cost <= highest:
+                    costs[way, r, c] = cost
 
 
 def _drop_residues(flags: Flags, jumps: Whole, costs: Bytes) -> None:
