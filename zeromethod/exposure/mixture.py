@@ -237,7 +237,8 @@ def _too_far_apart(s: Float, weights: Float, place: Float, most_px: float) -> Ma
     best = share.argmax(axis=-1)[..., None, None]
     apart = np.moveaxis(s, (0, 1), (2, 3))
     apart = apart - np.take_along_axis(apart, best, axis=2)
-    return ((share > SPREAD_WEIGHT) & (np.hypot(apart[..., 0], apart[..., 1]) > most_px)).any(axis=-1)
+    far = np.hypot(apart[..., 0], apart[..., 1]) > most_px
+    return np.asarray(((share > SPREAD_WEIGHT) & far).any(axis=-1))
 
 
 def mixture(

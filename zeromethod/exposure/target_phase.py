@@ -151,7 +151,8 @@ class TargetPhase:
             _averaged(_phasors(shares, waves, blur), window_rows * per_row)
             for shares in (self.lit.weights, self.lit.late_per_s())
         )
-        return (change * total.conj()).imag / np.maximum(np.abs(total), LEAST_CONTRAST) ** 2
+        lengths = np.maximum(np.abs(total), LEAST_CONTRAST)
+        return np.asarray((change * total.conj()).imag / lengths**2)
 
     def at(self, panel_rows: Float) -> tuple[Float, Float, Float]:
         """(rad, contrast, late_rad_per_s) at LCD rows of any shape (...), each (..., 2)."""

@@ -18,7 +18,6 @@ from zeromethod.sensing.window import triangle
 FAST = {"reassoc", "contract", "arcp", "nsz"}
 """Fast-math flags that keep infinity and NaN."""
 
-
 _STRIP_BLOCKS = 16
 """Blocks of rows whose grey levels are converted at a time, so that they stay in the cache."""
 
@@ -68,21 +67,21 @@ def _accumulate(grey: Single, top: int, carrier: Single, sums: Single) -> None:
     """Sums (6, width) over one block of rows, two rows per sweep (six accumulators fit the L1 cache)."""
     half, width = carrier.shape[1], sums.shape[1]
     s0, s1, c0, c1, d0, d1 = sums[0], sums[1], sums[2], sums[3], sums[4], sums[5]
+    sums[:] = np.float32(0)
     for y in range(0, half, 2):
         last = min(y + 1, half - 1)
         on = np.float32(last - y)  # an odd block's last sweep has only one row
-        more = np.float32(y > 0)
         ya, yb = np.float32(y), np.float32(last)
         ca, sa, cb, sb = carrier[0, y], carrier[1, y], carrier[0, last], carrier[1, last]
         row_a, row_b = grey[top + y], grey[top + last]
         for u in range(width):
             a, b = row_a[u], on * row_b[u]
-            s0[u] = more * s0[u] + (a + b)
-            s1[u] = more * s1[u] + (ya * a + yb * b)
-            c0[u] = more * c0[u] + (ca * a + cb * b)
-            c1[u] = more * c1[u] + ((ya * ca) * a + (yb * cb) * b)
-            d0[u] = more * d0[u] + (sa * a + sb * b)
-            d1[u] = more * d1[u] + ((ya * sa) * a + (yb * sb) * b)
+            s0[u] += a + b
+            s1[u] += ya * a + yb * b
+            c0[u] += ca * a + cb * b
+            c1[u] += (ya * ca) * a + (yb * cb) * b
+            d0[u] += sa * a + sb * b
+            d1[u] += (ya * sa) * a + (yb * sb) * b
 
 
 @numba.njit(cache=True, error_model="numpy", fastmath=FAST)
@@ -172,5 +171,5 @@ def clipped_pixels(image: Image, ceiling: int, nodes: tuple[int, int], half: int
     v, u = np.divmod(np.flatnonzero(above >= ceiling), image.shape[1])
     block = (v // half * cols + u // half)[u < half * cols]
     blocks = np.bincount(block, minlength=rows * cols).reshape(rows, cols)
-    across = sum(blocks[:, k : cols - 3 + k] for k in range(4))
-    return np.asarray(sum(across[k : rows - 3 + k] for k in range(4)))
+    across = np.sum([blocks[:, k : cols - 3 + k] for k in range(4)], axis=0)
+    return np.sum([across[k : rows - 3 + k] for k in range(4)], axis=0)

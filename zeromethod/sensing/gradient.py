@@ -102,7 +102,7 @@ class GradientEstimator:
         height, width = self._basis.shape[1:]
         products = self._basis * image[:height, :width]
         across = sums_along(products, self._weights)[0]
-        return sums_along(across.swapaxes(1, 2), self._weights)[0].swapaxes(1, 2)
+        return np.asarray(sums_along(across.swapaxes(1, 2), self._weights)[0].swapaxes(1, 2))
 
 
 def _window_matrix(nodes: int, period: int) -> csr_array:

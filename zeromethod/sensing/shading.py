@@ -158,7 +158,8 @@ def level(image: Image, share: Single, black: float, ceiling: int, out: Single) 
         np.divide(image - np.float32(black), share, out=out)
     out += np.float32(black)
     np.minimum(out, np.float32(ceiling - 1), out=out)
-    np.copyto(out, image, where=image >= ceiling)
+    if image.max() >= ceiling:
+        np.copyto(out, image, where=image >= ceiling)
 
 
 def noise_factor(mean_grey: Single, share: Single, noise: Noise) -> Float:

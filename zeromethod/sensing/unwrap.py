@@ -182,7 +182,7 @@ def _border(flags: Flags) -> Mask:
     _, labels = cv2.connectedComponents(beyond.view(np.uint8), connectivity=8)
     joined = (labels == labels[0, 0]).astype(np.uint8)
     near: Mask = cv2.dilate(joined, np.ones((3, 3), np.uint8))[1:-1, 1:-1] != 0
-    return near & ~invalid
+    return np.asarray(near & ~invalid)
 
 
 @kernel(
