@@ -78,7 +78,7 @@ def _quarters(image: Image, windows: Ints, along_u: bool) -> Float:
     edges = np.stack([start, (start + stop) // 2, stop], axis=-1)
     lengths = np.array([middle - first, last - middle])[:, None, None, None]
     means = np.diff(running[:, edges], axis=-1) / (np.diff(edges, axis=-1) * lengths)
-    return np.moveaxis(means, 0, 2).reshape(*start.shape, 4)
+    return np.asarray(np.moveaxis(means, 0, 2).reshape(*start.shape, 4))
 
 
 def _levels(quarters: Float, black: float) -> tuple[Float, float] | None:

@@ -33,11 +33,11 @@ _ROWS = 10
 @piece
 def _offsets(point: Float, q: Float, start: int, size: int, frame: Float, inner_mm: float, s: Float) -> None:
     """Into the block `s`: way to the LCD across the slabs' normal, thickness of the first and last slab."""
-    ox, oy, oz = frame[0]
-    cx, cy, cz = frame[1]
-    rx, ry, rz = frame[2]
-    nx, ny, nz = frame[3]
-    ex, ey, ez = frame[4]
+    ox, oy, oz = frame[0, 0], frame[0, 1], frame[0, 2]
+    cx, cy, cz = frame[1, 0], frame[1, 1], frame[1, 2]
+    rx, ry, rz = frame[2, 0], frame[2, 1], frame[2, 2]
+    nx, ny, nz = frame[3, 0], frame[3, 1], frame[3, 2]
+    ex, ey, ez = frame[4, 0], frame[4, 1], frame[4, 2]
     x_mm, y_mm, z_mm, us, vs = (
         point[0, start:],
         point[1, start:],
@@ -75,7 +75,7 @@ def _solve(indices: Float, thicknesses: Float, least: float, size: int, s: Float
         share = least / n
         steep = least / np.sqrt(b) if b > 0.0 else 0.0
         level = 0.0 if b > 0.0 else 1.0
-        row, varies = _FIRST if k == 0 else _LAST, k in (0, count - 1)
+        row, varies = _FIRST if k == 0 else _LAST, k == 0 or k == count - 1
         for i in range(size):
             t = s[row + i] if varies else thicknesses[k]
             s[_VALUE + i] += share * t
@@ -90,7 +90,7 @@ def _solve(indices: Float, thicknesses: Float, least: float, size: int, s: Float
         for k in range(count):
             a = indices[k] * indices[k]
             b = a - least * least
-            row, varies = _FIRST if k == 0 else _LAST, k in (0, count - 1)
+            row, varies = _FIRST if k == 0 else _LAST, k == 0 or k == count - 1
             for i in range(size):
                 t = s[row + i] if varies else thicknesses[k]
                 w = s[_W + i]
@@ -143,7 +143,7 @@ def _add_slopes(
 
     least: of the indices. inner_mm: of all slabs but the first and last. s: room for a block.
     """
-    nx, ny, nz = frame[3]
+    nx, ny, nz = frame[3, 0], frame[3, 1], frame[3, 2]
     first = indices[0]
     b = first * first - least * least
     for start in range(0, direction.shape[1], _BLOCK):

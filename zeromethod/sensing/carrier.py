@@ -74,7 +74,8 @@ class CarrierEstimator:
         mean = planes[0]
         out.mean[_INNER] = mean
         over = clipped_pixels(image, self._ceiling, mean.shape, self._half)
-        out.flags[_INNER] = flags_of(*self._extremes, mean - scales.black, reference_light, over, scales)
+        worst, least = self._extremes
+        out.flags[_INNER] = flags_of(worst, least, mean - scales.black, reference_light, over, scales)
 
 
 @numba.njit(cache=True, error_model="numpy", fastmath=FAST, inline="always")

@@ -172,4 +172,4 @@ def clipped_pixels(image: Image, ceiling: int, nodes: tuple[int, int], half: int
     block = (v // half * cols + u // half)[u < half * cols]
     blocks = np.bincount(block, minlength=rows * cols).reshape(rows, cols)
     across = np.sum([blocks[:, k : cols - 3 + k] for k in range(4)], axis=0)
-    return np.sum([across[k : rows - 3 + k] for k in range(4)], axis=0)
+    return np.asarray(np.sum([across[k : rows - 3 + k] for k in range(4)], axis=0))
