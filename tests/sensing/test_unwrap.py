@@ -3,8 +3,8 @@ import pytest
 
 from zeromethod.rig.model import Noise
 from zeromethod.sensing import Residual, ResidualSensor
-from zeromethod.sensing.known_order import settle_known_order
-from zeromethod.sensing.unwrap import Unwrapper, _unwrap
+from zeromethod.sensing.known_order import BORDER_SHARE, settle_known_order
+from zeromethod.sensing.unwrap import Unwrapper, unwrap_orders
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.validity import Flag
 
@@ -208,7 +208,7 @@ def test_smallest_grid():
 
 def test_near_the_null_what_dark_places_cut_off_is_flagged_as_by_unwrapping():
     """Nodes dark at random, few to most of them, and guesses missing in one place: islands of any size."""
-    draw, work = np.random.default_rng(4), Unwrapper(GRID, diagonal=False)._work
+    draw = np.random.default_rng(4)
     settled = flagged = 0
     for dark in np.linspace(0.0, 0.7, 40):
         residual = Residual.empty(GRID)
@@ -218,11 +218,9 @@ def test_near_the_null_what_dark_places_cut_off_is_flagged_as_by_unwrapping():
         guess = draw.normal(0, 0.2, residual.d.shape)
         guess[10:20, 10:25] = np.nan
         expected = residual.copy()
-        given = guess, guess, float(PERIOD), work
-        _unwrap(expected.d, expected.sigma, expected.flags, *given)
-        if settle_known_order(
-            residual.d, residual.sigma, residual.flags, guess, float(PERIOD), work.path, work.label
-        ):
+        given = guess, guess, float(PERIOD), BORDER_SHARE
+        unwrap_orders(expected.d, expected.sigma, expected.flags, *given)
+        if settle_known_order(residual.d, residual.sigma, residual.flags, guess, float(PERIOD)):
             settled += 1
             flagged += np.count_nonzero(residual.flags == Flag.AMBIGUOUS)
             np.testing.assert_array_equal(residual.flags, expected.flags)

@@ -26,6 +26,8 @@ import numba
 import numpy as np
 
 from zeromethod.arrays import Float, Ints, Mask
+from zeromethod.exposure.panel_rows import at_rows
+from zeromethod.kernels import kernel, read
 
 LEAST_COHERENCE = 0.5
 """Least share of the carrier's amplitude in the mix: below, small errors of weight shift the phase a lot."""
@@ -77,7 +79,7 @@ class Mixture:
     bias_px: Float | None
 
 
-@numba.njit(cache=True, fastmath=_FAST, inline="always")
+@numba.njit(cache=True, error_model="numpy", fastmath=_FAST, inline="always")
 def _sine(x: float) -> float:
     """Sine for |x| <= pi / 2."""
     y = x * x
@@ -85,7 +87,7 @@ def _sine(x: float) -> float:
     return value
 
 
-@numba.njit(cache=True, fastmath=_FAST, inline="always")
+@numba.njit(cache=True, error_model="numpy", fastmath=_FAST, inline="always")
 def _arctan(x: float) -> float:
     """Arc tangent for |x| <= 1."""
     y = x * x
@@ -93,180 +95,150 @@ def _arctan(x: float) -> float:
     return value
 
 
-@numba.njit(cache=True, fastmath=_FAST)
-def _displacements(warps: Float, slots: Ints, q: Float, j: int, per_px: float, s: Float) -> bool:
-    """Fill s (pictures, 2, cols) of node row j, camera px; False when no picture differs there.
+@kernel(
+    read(numba.float64, 4),
+    read(numba.int64, 1),
+    read(numba.float64, 3),
+    numba.float64,
+    numba.float64[:, :, :, ::1],
+    numba.boolean[::1],
+    fastmath=_FAST,
+)
+def _displacements(warps: Float, slots: Ints, q: Float, per_px: float, s: Float, differs: Mask) -> None:
+    """Fill s (pictures, 2, rows, cols), camera px, of node rows where a picture differs; `differs` (rows,).
 
     Solves q_i(x + s) = q(x) to second order in s: slopes and curvatures of q_i by central differences.
     """
     rows, cols = q.shape[0], q.shape[1]
-    j1 = min(max(j, 1), rows - 2)
-    differs = False
-    for p in range(slots.size):
-        w = warps[slots[p]]
-        for i in range(cols):
-            dx, dy = q[j, i, 0] - w[j, i, 0], q[j, i, 1] - w[j, i, 1]
-            s[p, 0, i] = dx
-            s[p, 1, i] = dy
-            differs |= abs(dx) > SAME_LCD_PX or abs(dy) > SAME_LCD_PX
-    if not differs:
-        return False
     half, quarter = 0.5 * per_px, 0.25 * per_px * per_px
-    for p in range(slots.size):
-        w = warps[slots[p]]
-        a, m, b = w[j1 - 1], w[j1], w[j1 + 1]
-        for i in range(1, cols - 1):
-            dx, dy = s[p, 0, i], s[p, 1, i]
-            xu, yu = half * (m[i + 1, 0] - m[i - 1, 0]), half * (m[i + 1, 1] - m[i - 1, 1])
-            xv, yv = half * (b[i, 0] - a[i, 0]), half * (b[i, 1] - a[i, 1])
-            area = xu * yv - xv * yu
-            inverse = 1.0 / (area if abs(area) > 1e-9 else 1e-9)
-            su, sv = (yv * dx - xv * dy) * inverse, (xu * dy - yu * dx) * inverse
-            # half the second-order term, 0.5 s H s
-            uu, vv, uv = 2 * quarter * su * su, 2 * quarter * sv * sv, 0.25 * per_px * per_px * su * sv
-            bx = uu * (m[i + 1, 0] - 2 * m[i, 0] + m[i - 1, 0]) + vv * (b[i, 0] - 2 * m[i, 0] + a[i, 0])
-            by = uu * (m[i + 1, 1] - 2 * m[i, 1] + m[i - 1, 1]) + vv * (b[i, 1] - 2 * m[i, 1] + a[i, 1])
-            bx += uv * (b[i + 1, 0] - b[i - 1, 0] - a[i + 1, 0] + a[i - 1, 0])
-            by += uv * (b[i + 1, 1] - b[i - 1, 1] - a[i + 1, 1] + a[i - 1, 1])
-            s[p, 0, i] = su - (yv * bx - xv * by) * inverse
-            s[p, 1, i] = sv - (xu * by - yu * bx) * inverse
-        for c in range(2):
-            s[p, c, 0] = s[p, c, 1]
-            s[p, c, cols - 1] = s[p, c, cols - 2]
-    return True
+    for j in range(rows):
+        other = False
+        for p in range(slots.size):
+            w, to_u, to_v = warps[slots[p], j], s[p, 0, j], s[p, 1, j]
+            for i in range(cols):
+                dx, dy = q[j, i, 0] - w[i, 0], q[j, i, 1] - w[i, 1]
+                to_u[i], to_v[i] = dx, dy
+                other |= abs(dx) > SAME_LCD_PX or abs(dy) > SAME_LCD_PX
+        differs[j] = other
+        if not other:
+            continue
+        j1 = min(max(j, 1), rows - 2)
+        for p in range(slots.size):
+            w, to_u, to_v = warps[slots[p]], s[p, 0, j], s[p, 1, j]
+            a, m, b = w[j1 - 1], w[j1], w[j1 + 1]
+            for i in range(1, cols - 1):
+                dx, dy = to_u[i], to_v[i]
+                xu, yu = half * (m[i + 1, 0] - m[i - 1, 0]), half * (m[i + 1, 1] - m[i - 1, 1])
+                xv, yv = half * (b[i, 0] - a[i, 0]), half * (b[i, 1] - a[i, 1])
+                area = xu * yv - xv * yu
+                inverse = 1.0 / (area if abs(area) > 1e-9 else 1e-9)
+                su, sv = (yv * dx - xv * dy) * inverse, (xu * dy - yu * dx) * inverse
+                # half the second-order term, 0.5 s H s
+                uu, vv, uv = 2 * quarter * su * su, 2 * quarter * sv * sv, quarter * su * sv
+                bx = uu * (m[i + 1, 0] - 2 * m[i, 0] + m[i - 1, 0]) + vv * (b[i, 0] - 2 * m[i, 0] + a[i, 0])
+                by = uu * (m[i + 1, 1] - 2 * m[i, 1] + m[i - 1, 1]) + vv * (b[i, 1] - 2 * m[i, 1] + a[i, 1])
+                bx += uv * (b[i + 1, 0] - b[i - 1, 0] - a[i + 1, 0] + a[i - 1, 0])
+                by += uv * (b[i + 1, 1] - b[i - 1, 1] - a[i + 1, 1] + a[i - 1, 1])
+                to_u[i] = su - (yv * bx - xv * by) * inverse
+                to_v[i] = sv - (xu * by - yu * bx) * inverse
+            to_u[0], to_v[0] = to_u[1], to_v[1]
+            to_u[cols - 1], to_v[cols - 1] = to_u[cols - 2], to_v[cols - 2]
 
 
-@numba.njit(cache=True, fastmath=_FAST)
-def _shares(weights: Float, place: Float, share: Float, heaviest: Float) -> None:
-    """Share (pictures, cols) of each picture along a node row, and the index of the largest."""
-    last = weights.shape[0] - 1
-    for i in range(place.size):
-        n = min(int(place[i]), last - 1)
-        t = place[i] - n
-        best = 0
-        for p in range(weights.shape[1]):
-            share[p, i] = (1.0 - t) * weights[n, p] + t * weights[n + 1, p]
-            if share[p, i] > share[best, i]:
-                best = p
-        heaviest[i] = best
-
-
-@numba.njit(cache=True, fastmath=_FAST)
-def _sum_phasors(phase: Float, share: Float, heaviest: Float, total: Float, bias: Float, left: Float) -> None:
-    """Argument of sum w exp(i phase) of a node row, in `bias`; a lower bound of its length, in `left`.
+@kernel(
+    read(numba.float64, 4),
+    read(numba.boolean, 1),
+    read(numba.float64, 2),
+    read(numba.float64, 2),
+    read(numba.float64, 2),
+    numba.float64,
+    numba.boolean,
+    numba.float64[:, ::1],
+    numba.float64[:, :, ::1],
+    numba.float64[:, ::1],
+    fastmath=_FAST,
+)
+def _sum_phasors(
+    s: Float,
+    differs: Mask,
+    weights: Float,
+    place: Float,
+    turns: Float,
+    wavenumber: float,
+    diagonal: bool,
+    work: Float,
+    angle: Float,
+    left: Float,
+) -> None:
+    """Argument of sum w exp(i phase), (2, rows, cols), and a lower bound of its length, in rows that differ.
 
     The angle is relative to the heaviest picture's, which is continuous from node to node wherever that
     outweighs the others. Beyond half a turn from it the length is that at half a turn: a picture a whole
-    turn away agrees in phase again, but the turn is then ambiguous.
+    turn away agrees in phase again, but the turn is then ambiguous. work: (pictures + 6, cols).
     """
-    cols = bias.size
-    pictures = share.shape[0]
-    turn = 2 * math.pi
-    re, im, least, side, middle = total[0], total[1], total[2], total[3], total[4]
-    for i in range(cols):
-        re[i] = im[i] = least[i] = side[i] = 0.0
-        middle[i] = phase[int(heaviest[i]), i]
-    for p in range(pictures):
-        for i in range(cols):
-            x = phase[p, i] - middle[i]
-            y = 0.5 * (x - turn * np.rint(x / turn))
-            # cos 2y = 1 - 2 sin^2 y and sin 2y = 2 sin y cos y, cos y = sin(pi/2 - |y|)
-            s, c = _sine(y), _sine(0.5 * math.pi - abs(y))
-            w = share[p, i]
-            real, imaginary = w * (1.0 - 2.0 * s * s), w * 2.0 * s * c
-            re[i] += real
-            im[i] += imaginary
-            within = abs(x) < math.pi
-            least[i] += real if within else -w
-            side[i] += imaginary if within else 0.0
-    for i in range(cols):
-        length = math.sqrt(re[i] * re[i] + im[i] * im[i])
-        # a negative real part leaves the turn ambiguous; such nodes get length 0, below
-        half = im[i] / max(length + max(re[i], 0.0), 1e-9)
-        bias[i] = middle[i] + 2.0 * _arctan(half)
-        kept = math.sqrt(least[i] * least[i] + side[i] * side[i])
-        left[i] = min(left[i], kept if re[i] > 0.0 else 0.0)
-
-
-@numba.njit(cache=True, fastmath=_FAST)
-def _less_target(target: Float, c: int, place: Float, last: int, angle: Float) -> None:
-    """Take the target's own phase along carrier c, (n, 2) at n panel rows, out of a node row's angles."""
-    turn = 2 * math.pi
-    for i in range(angle.size):
-        n = min(int(place[i]), last - 1)
-        t = place[i] - n
-        apart = angle[i] - ((1.0 - t) * target[n, c] + t * target[n + 1, c])
-        angle[i] = apart - turn * np.rint(apart / turn)
-
-
-@numba.njit(cache=True, fastmath=_FAST)
-def _carrier_mixture(
-    warps: Float,
-    slots: Ints,
-    weights: Float,
-    place: Float,
-    q: Float,
-    per_px: float,
-    wavenumber: float,
-    diagonal: bool,
-    turns: Float,
-    target: Float,
-    bias: Float,
-    mixed: Mask,
-) -> None:
-    rows, cols = q.shape[0], q.shape[1]
-    count, last = slots.size, weights.shape[0] - 1
-    s, phase = np.empty((count, 2, cols)), np.empty((count, cols))
-    share, heaviest, total = np.empty((count, cols)), np.empty(cols), np.empty((5, cols))
-    angle, left = np.empty((2, cols)), np.empty(cols)
-    for j in range(rows):
-        if not _displacements(warps, slots, q, j, per_px, s):
-            bias[j] = 0.0
-            mixed[j] = False
+    count, cols = weights.shape[1], place.shape[1]
+    turn, last = 2 * math.pi, weights.shape[0] - 1
+    share, heaviest = work[:count], work[count]
+    re, im, least, side, middle = (
+        work[count + 1],
+        work[count + 2],
+        work[count + 3],
+        work[count + 4],
+        work[count + 5],
+    )
+    for j in range(place.shape[0]):
+        if not differs[j]:
             continue
-        _shares(weights, place[j], share, heaviest)
-        left[:] = 1.0
-        for c in range(2):
-            sign = 1.0 if c == 0 else -1.0
-            for p in range(count):
-                for i in range(cols):
-                    along = s[p, 0, i] + sign * s[p, 1, i] if diagonal else s[p, c, i]
-                    phase[p, i] = wavenumber * along + turns[p, c]
-            _sum_phasors(phase, share, heaviest, total, angle[c], left)
-            if target.shape[0] > 0:
-                _less_target(target, c, place[j], last, angle[c])
-        scale, most = 1.0 / wavenumber, LARGEST_BIAS_PERIODS * 2 * math.pi / wavenumber
         for i in range(cols):
-            a, b = scale * angle[0, i], scale * angle[1, i]
-            bias[j, i, 0] = 0.5 * (a + b) if diagonal else a
-            bias[j, i, 1] = 0.5 * (a - b) if diagonal else b
-            mixed[j, i] = left[i] < LEAST_COHERENCE or max(abs(a), abs(b)) > most
-
-
-@numba.njit(cache=True, fastmath=_FAST)
-def _spread_mixture(
-    warps: Float,
-    slots: Ints,
-    weights: Float,
-    place: Float,
-    q: Float,
-    per_px: float,
-    most_px: float,
-    mixed: Mask,
-) -> None:
-    rows, cols = q.shape[0], q.shape[1]
-    count = slots.size
-    s, share, heaviest = np.empty((count, 2, cols)), np.empty((count, cols)), np.empty(cols)
-    for j in range(rows):
-        mixed[j] = False
-        if _displacements(warps, slots, q, j, per_px, s):
-            _shares(weights, place[j], share, heaviest)
+            n = min(int(place[j, i]), last - 1)
+            t = place[j, i] - n
+            best = 0
+            for p in range(count):
+                share[p, i] = (1.0 - t) * weights[n, p] + t * weights[n + 1, p]
+                if share[p, i] > share[best, i]:
+                    best = p
+            heaviest[i] = best
+        for c in range(2):
+            # displacements along the carrier: of a checker u + v and u - v
+            by_u = 1.0 if diagonal or c == 0 else 0.0
+            by_v = (1.0 if c == 0 else -1.0) if diagonal else float(c)
+            by_u, by_v = wavenumber * by_u, wavenumber * by_v
+            bias, kept = angle[c, j], left[j]
             for i in range(cols):
-                best = int(heaviest[i])
-                for p in range(count):
-                    if share[p, i] > SPREAD_WEIGHT:
-                        apart = math.hypot(s[p, 0, i] - s[best, 0, i], s[p, 1, i] - s[best, 1, i])
-                        mixed[j, i] |= apart > most_px
+                re[i] = im[i] = least[i] = side[i] = 0.0
+                p = int(heaviest[i])
+                middle[i] = by_u * s[p, 0, j, i] + by_v * s[p, 1, j, i] + turns[p, c]
+            for p in range(count):
+                to_u, to_v, weight, begin = s[p, 0, j], s[p, 1, j], share[p], turns[p, c]
+                for i in range(cols):
+                    x = by_u * to_u[i] + by_v * to_v[i] + begin - middle[i]
+                    y = 0.5 * (x - turn * np.rint(x / turn))
+                    # cos 2y = 1 - 2 sin^2 y and sin 2y = 2 sin y cos y, cos y = sin(pi/2 - |y|)
+                    sine, cosine = _sine(y), _sine(0.5 * math.pi - abs(y))
+                    w = weight[i]
+                    real, imaginary = w * (1.0 - 2.0 * sine * sine), w * 2.0 * sine * cosine
+                    re[i] += real
+                    im[i] += imaginary
+                    within = abs(x) < math.pi
+                    least[i] += real if within else -w
+                    side[i] += imaginary if within else 0.0
+            for i in range(cols):
+                length = math.sqrt(re[i] * re[i] + im[i] * im[i])
+                # a negative real part leaves the turn ambiguous; such nodes get length 0, below
+                half = im[i] / max(length + max(re[i], 0.0), 1e-9)
+                bias[i] = middle[i] + 2.0 * _arctan(half)
+                shorter = math.sqrt(least[i] * least[i] + side[i] * side[i])
+                kept[i] = min(kept[i], shorter if re[i] > 0.0 else 0.0)
+
+
+def _too_far_apart(s: Float, weights: Float, place: Float, most_px: float) -> Mask:
+    """(rows, cols) where a picture that counts is further than that from the heaviest one."""
+    share = at_rows(weights, place)
+    best = share.argmax(axis=-1)[..., None, None]
+    apart = np.moveaxis(s, (0, 1), (2, 3))
+    apart = apart - np.take_along_axis(apart, best, axis=2)
+    far = np.hypot(apart[..., 0], apart[..., 1]) > most_px
+    return np.asarray(((share > SPREAD_WEIGHT) & far).any(axis=-1))
 
 
 def mixture(
@@ -290,14 +262,25 @@ def mixture(
 
     Convention: residual d as observed(u, v) = T((u, v) + d), camera px.
     """
-    mixed = np.empty(q.shape[:2], np.bool_)
+    shape, count = q.shape[:2], slots.size
+    s, differs = np.empty((count, 2, *shape)), np.empty(shape[0], np.bool_)
+    _displacements(warps, slots, q, 1 / spacing_px, s, differs)
+    if not differs.any():
+        return Mixture(np.zeros(shape, np.bool_), None if kind == "noise" else np.zeros_like(q))
     if kind == "noise":
-        most_px = SPREAD_ABOVE_PERIODS * period_px
-        _spread_mixture(warps, slots, weights, place, q, 1 / spacing_px, most_px, mixed)
-        return Mixture(mixed, None)
-    bias = np.empty_like(q)
+        far = _too_far_apart(s, weights, place, SPREAD_ABOVE_PERIODS * period_px)
+        return Mixture(far & differs[:, None], None)
     wavenumber = 2 * math.pi / period_px
-    turns, target = moving or (np.zeros((slots.size, 2)), np.zeros((0, 2)))
-    carriers = wavenumber, kind == "checker", turns, target
-    _carrier_mixture(warps, slots, weights, place, q, 1 / spacing_px, *carriers, bias, mixed)
-    return Mixture(mixed, bias)
+    turns, target = moving or (np.zeros((count, 2)), None)
+    angle, left, work = np.zeros((2, *shape)), np.ones(shape), np.empty((count + 6, shape[1]))
+    carriers = turns, wavenumber, kind == "checker"
+    _sum_phasors(s, differs, weights, place, *carriers, work, angle, left)
+    if target is not None:
+        angle -= np.moveaxis(at_rows(target, place), -1, 0)
+        angle -= 2 * math.pi * np.rint(angle / (2 * math.pi))
+        angle[:, ~differs] = 0.0
+    a, b = angle / wavenumber
+    largest = LARGEST_BIAS_PERIODS * period_px
+    mixed = (left < LEAST_COHERENCE) | (np.maximum(np.abs(a), np.abs(b)) > largest)
+    bias = (0.5 * (a + b), 0.5 * (a - b)) if kind == "checker" else (a, b)
+    return Mixture(mixed, np.stack(bias, axis=-1))

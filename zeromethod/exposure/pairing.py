@@ -25,6 +25,7 @@ from zeromethod.devices.protocols import Frame
 from zeromethod.exposure.mixture import Mixture, mixture
 from zeromethod.exposure.presentation_log import PresentationLog
 from zeromethod.exposure.target_phase import Lit, Sight, TargetPhase, carrier_turns
+from zeromethod.kernels import kernel, read
 from zeromethod.rig.model import DisplaySpec
 from zeromethod.rounding import REORDERED
 from zeromethod.warp.grid import NodeGrid
@@ -116,42 +117,19 @@ def lit_share_per_s(start_ns: float, end_ns: float, change_ns: Float, tau_ns: fl
     return np.asarray(-1e9 * (risen(end_ns) - risen(start_ns)) / (end_ns - start_ns))
 
 
-@numba.njit(cache=True)
-def lit_at(start: float, end: float, change: float, tau: float) -> float:
-    """Mean light over the exposure of a pixel that starts to change at `change`, 0..1."""
-    if change >= end:
-        return 0.0
-    since = max(change, start)
-    lit = end - since
-    if tau > 0.0:
-        lit -= tau * (math.exp(-(since - change) / tau) - math.exp(-(end - change) / tau))
-    return lit / (end - start)
-
-
-@numba.njit(cache=True)
-def _fill_weights(
-    changes: Float, scanout: float, half: float, tau: float, complete: bool, weights: Float, dark: Float
-) -> None:
-    """Fill what `entry_weights` returns. changes: (k,) when the first row starts to; half: the exposure."""
-    last = weights.shape[1] - 1
-    for n in range(last + 1):
-        after = 0.0
-        for k in range(changes.size - 1, -1, -1):
-            lit = lit_at(-half, half, changes[k] + scanout * (n / last), tau) if k or complete else 1.0
-            weights[k, n] = lit - after
-            after = lit
-        dark[n] = 1.0 - after
-
-
 def entry_weights(times_ns: Ints, complete: bool, frame: Frame, timing: PanelTiming) -> tuple[Float, Float]:
     """Weight of every presentation in the exposure of `frame` at `TABLE_ROWS` rows, in scan-out order.
 
     Returns ((k, n) weights, (n,) share of light from before the first entry). The share is 0 when older
     entries are no longer in the log (`complete` False): the oldest entry then stands for them.
     """
-    weights, dark = np.empty((len(times_ns), TABLE_ROWS)), np.empty(TABLE_ROWS)
-    panel = timing.scanout_ns, 0.5 * frame.exposure_ns, timing.tau_ns
-    _fill_weights(_changes_ns(times_ns, frame, timing), *panel, complete, weights, dark)
+    half = 0.5 * frame.exposure_ns
+    changes = _changes_ns(times_ns, frame, timing)[:, None] + timing.scanout_ns * _SCAN
+    weights = lit_share(-half, half, changes, timing.tau_ns)
+    if not complete:
+        weights[0] = 1.0
+    dark = 1.0 - weights[0]
+    weights[:-1] -= weights[1:]
     return weights, dark
 
 
@@ -172,36 +150,30 @@ def _changes_ns(times_ns: Ints, frame: Frame, timing: PanelTiming) -> Float:
     return np.asarray(times_ns - frame.time_ns, dtype=np.float64) + timing.latency_ns
 
 
-@numba.njit(cache=True, fastmath=REORDERED)
-def _places(q: Float, rows_per_entry: float, last: float, upwards: bool, place: Float) -> None:
-    """Where among the panel rows of the weights, 0..last, nodes (cols, 2) look."""
-    for i in range(place.size):
-        x = min(max(q[i, 1] * rows_per_entry, 0.0), last)
-        place[i] = last - x if upwards else x
+@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED, inline="always")
+def _mix_at(warps: Float, slots: Ints, weights: Float, place: float, j: int, i: int) -> tuple[float, float]:
+    """LCD position of the mix at a node that looks at this place among the panel rows of the weights."""
+    n = min(int(place), weights.shape[0] - 2)
+    t = place - n
+    x = y = 0.0
+    for k in range(slots.size):
+        share = weights[n, k] + t * (weights[n + 1, k] - weights[n, k])
+        x += share * warps[slots[k], j, i, 0]
+        y += share * warps[slots[k], j, i, 1]
+    return x, y
 
 
-@numba.njit(cache=True, fastmath=REORDERED)
-def _add(weights: Float, k: int, place: Float, warp: Float, q: Float) -> None:
-    """Add picture k's share of a row of nodes (cols, 2) to q; the first replaces what is there."""
-    last, first = weights.shape[0] - 2, k == 0
-    for i in range(place.size):
-        n = np.uintp(min(int(place[i]), last))
-        before = weights[n, k]
-        share = before + (place[i] - float(n)) * (weights[n + np.uintp(1), k] - before)
-        q[i, 0] = (0.0 if first else q[i, 0]) + share * warp[i, 0]
-        q[i, 1] = (0.0 if first else q[i, 1]) + share * warp[i, 1]
-
-
-@numba.njit(cache=True, fastmath=REORDERED)
-def _off(q: Float, look_q: Float) -> float:
-    """Largest difference of panel rows."""
-    largest = 0.0
-    for i in range(q.shape[0]):
-        largest = max(largest, abs(q[i, 1] - look_q[i, 1]))
-    return largest
-
-
-@numba.njit(cache=True)
+@kernel(
+    read(numba.float64, 4),
+    read(numba.int64, 1),
+    read(numba.float64, 2),
+    read(numba.float64, 3),
+    numba.float64,
+    numba.boolean,
+    numba.float64[:, :, ::1],
+    numba.float64[:, ::1],
+    fastmath=REORDERED,
+)
 def _mix(
     warps: Float,
     slots: Ints,
@@ -218,19 +190,16 @@ def _mix(
     at most two iterations from `look_q` find it to far less than a row.
     """
     last = float(weights.shape[0] - 1)
-    again, to = np.empty(place.shape[1]), np.empty((place.shape[1], 2))
     for j in range(q.shape[0]):
-        _places(look_q[j], rows_per_entry, last, upwards, place[j])
-        for k in range(slots.size):
-            _add(weights, k, place[j], warps[slots[k], j], q[j])
-        if _off(q[j], look_q[j]) < SAME_ROW:
-            continue
-        _places(q[j], rows_per_entry, last, upwards, again)
-        for k in range(slots.size):
-            _add(weights, k, again, warps[slots[k], j], to)
-        for i in range(again.size):
-            if not abs(q[j, i, 1] - look_q[j, i, 1]) < SAME_ROW:
-                q[j, i, 0], q[j, i, 1], place[j, i] = to[i, 0], to[i, 1], again[i]
+        for i in range(q.shape[1]):
+            row = look_q[j, i, 1]
+            for _ in range(2):
+                at = min(max(row * rows_per_entry, 0.0), last)
+                place[j, i] = last - at if upwards else at
+                q[j, i, 0], q[j, i, 1] = _mix_at(warps, slots, weights, place[j, i], j, i)
+                if abs(q[j, i, 1] - row) < SAME_ROW:
+                    break
+                row = q[j, i, 1]
 
 
 def pair(

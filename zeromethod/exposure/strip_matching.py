@@ -17,12 +17,11 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-import numba
 import numpy as np
 
 from zeromethod.arrays import Float, Ints, Mask
 from zeromethod.devices.protocols import Frame
-from zeromethod.exposure.pairing import PanelTiming, lit_at
+from zeromethod.exposure.pairing import PanelTiming, lit_share
 from zeromethod.exposure.presentation_log import PresentationLog
 from zeromethod.exposure.strip_reading import StripReading
 from zeromethod.pattern.strips import CODES, bits_of
@@ -42,6 +41,7 @@ Where it is above everywhere, no timing explains the strips: a whole bit is wron
 _MOST_COARSE = 400
 _FINE = 61
 _LIT = 1 - 1e-4
+_LIT_FROM_START = 0.98
 
 _BITS = np.array([bits_of(code) for code in range(CODES)], dtype=np.float64)
 
@@ -78,47 +78,8 @@ class Match:
         return (self.high_ns - self.low_ns) / 6
 
 
-@numba.njit(cache=True)
-def _misfit(
-    x: float,
-    times: Float,
-    bits: Float,
-    exposure: float,
-    tau: float,
-    levels: Float,
-    scan: Float,
-    sigma: Float,
-) -> tuple[float, float]:
-    """(sum of squares over variance, largest misfit); infinite when a picture before the first was lit."""
-    start, end = -0.5 * exposure, 0.5 * exposure
-    last = times.size - 1
-    total = worst = 0.0
-    for r in range(levels.shape[0]):
-        for k in range(levels.shape[1]):
-            level = 0.0
-            i = last
-            lit = 0.0
-            while i >= 0:
-                lit = lit_at(start, end, times[i] + x + scan[r, k], tau)
-                if lit > _LIT or i == 0:
-                    break
-                level += lit * (bits[i, k] - bits[i - 1, k])
-                i -= 1
-            if lit < 0.98:
-                return np.inf, np.inf
-            level += bits[i, k]
-            off = abs(levels[r, k] - level)
-            total += off * off / (sigma[r] * sigma[r])
-            worst = max(worst, off)
-    return total, worst
-
-
-@numba.njit(cache=True)
 def _scan(
-    low: float,
-    high: float,
-    total: Float,
-    worst: Float,
+    delays: Float,
     times: Float,
     bits: Float,
     exposure: float,
@@ -126,11 +87,23 @@ def _scan(
     levels: Float,
     scan: Float,
     sigma: Float,
-) -> None:
-    """Misfits at total.size delays from low to high, in `total` and `worst`."""
-    step = (high - low) / (total.size - 1)
-    for n in range(total.size):
-        total[n], worst[n] = _misfit(low + n * step, times, bits, exposure, tau, levels, scan, sigma)
+) -> tuple[Float, Float]:
+    """Misfit at each delay (n,): sum of squares over variance, and the largest of a level.
+
+    Infinite where a picture before the first was lit. times (k,), bits (k, bits), levels and scan (strips,
+    bits), sigma (strips,).
+    """
+    changes = delays[:, None, None] + scan + times[:, None, None, None]
+    lit = lit_share(-0.5 * exposure, 0.5 * exposure, changes, tau)
+    lit[lit > _LIT] = 1.0
+    # a picture's light is its own and that of all after it, so that each adds what its bits change
+    change = np.diff(bits, axis=0)[:, None, None]
+    off = np.abs(levels - bits[0] - (lit[1:] * change).sum(axis=0))
+    total = (off * off / (sigma * sigma)[:, None]).sum(axis=(1, 2))
+    worst = off.max(axis=(1, 2))
+    unknown = lit[0].min(axis=(1, 2)) < _LIT_FROM_START
+    total[unknown] = worst[unknown] = np.inf
+    return total, worst
 
 
 def _runs(within: Mask) -> list[tuple[int, int]]:
@@ -164,8 +137,7 @@ def match(
     )
     low, high = span_ns
     coarse = min(_MOST_COARSE, math.ceil(8 * (high - low) / frame.exposure_ns)) + 2
-    total, worst = np.empty(coarse), np.empty(coarse)
-    _scan(low, high, total, worst, *given)
+    total, worst = _scan(np.linspace(low, high, coarse), *given)
     if not np.isfinite(total).any():
         return None
     step = (high - low) / (coarse - 1)
@@ -217,9 +189,8 @@ def _refined(
     had a part in the exposure, and then nothing can be said.
     """
     a, b = around
-    fine, fine_worst = np.empty(_FINE), np.empty(_FINE)
     for _ in range(2):
-        _scan(a, b, fine, fine_worst, *given)
+        fine, fine_worst = _scan(np.linspace(a, b, _FINE), *given)
         best = int(np.argmin(fine))
         near = np.flatnonzero(fine < fine[best] + 9)
         here = _located(a, b, fine, best, near, blur_ns)

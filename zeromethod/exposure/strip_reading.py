@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
 from zeromethod.arrays import Float, Image, Ints
@@ -68,66 +67,37 @@ class StripReading:
         return code if (code & 1) == bits[-1] else None
 
 
-@numba.njit(cache=True)
-def _quarters(image: Image, windows: Ints, along_u: bool, quarters: Float) -> None:
+def _quarters(image: Image, windows: Ints, along_u: bool) -> Float:
     """Mean grey (bits, 3, 4) of the quarters of every cell's window: start, stop along, then across."""
-    for k in range(windows.shape[0]):
-        for c in range(windows.shape[1]):
-            a0, a2, b0, b2 = windows[k, c]
-            a1, b1 = (a0 + a2) // 2, (b0 + b2) // 2
-            for part in range(4):
-                f0, f1 = (a0, a1) if part % 2 == 0 else (a1, a2)
-                g0, g1 = (b0, b1) if part < 2 else (b1, b2)
-                total = 0.0
-                if along_u:
-                    for j in range(g0, g1):
-                        for i in range(f0, f1):
-                            total += image[j, i]
-                else:
-                    for j in range(f0, f1):
-                        for i in range(g0, g1):
-                            total += image[j, i]
-                quarters[k, c, part] = total / ((f1 - f0) * (g1 - g0))
+    first, last = windows[0, 0, 2:]  # the same for all cells
+    middle = (first + last) // 2
+    lines = image if along_u else image.T
+    halves = np.stack([lines[first:middle].sum(axis=0), lines[middle:last].sum(axis=0)]).astype(np.float64)
+    running = np.concatenate([np.zeros((2, 1)), np.cumsum(halves, axis=1)], axis=1)
+    start, stop = windows[..., 0], windows[..., 1]
+    edges = np.stack([start, (start + stop) // 2, stop], axis=-1)
+    lengths = np.array([middle - first, last - middle])[:, None, None, None]
+    means = np.diff(running[:, edges], axis=-1) / (np.diff(edges, axis=-1) * lengths)
+    return np.asarray(np.moveaxis(means, 0, 2).reshape(*start.shape, 4))
 
 
-@numba.njit(cache=True)
-def _levels(quarters: Float, black: float, levels: Float) -> tuple[float, float]:
-    """Fill levels (bits,); (contrast of the unmixed bits, 0 if unreadable; rms unevenness / contrast)."""
-    bits = quarters.shape[0]
-    most = second = white = 0.0
-    for k in range(bits):
-        # two outer cells of half the width of the inner pair's window
-        outer = inner = 0.0
-        for part in range(4):
-            outer += 0.125 * (quarters[k, 0, part] + quarters[k, 2, part])
-            inner += 0.25 * quarters[k, 1, part]
-        both = outer + inner - 2.0 * black
-        if both <= 0.0:
-            return 0.0, 0.0
-        levels[k] = (outer - inner) / both
-        white += both / bits
-        size = abs(levels[k])
-        if size > most:
-            most, second = size, most
-        elif size > second:
-            second = size
-    contrast = 0.5 * (most + second)
-    swing = contrast * white
+def _levels(quarters: Float, black: float) -> tuple[Float, float] | None:
+    """(levels (bits,), rms unevenness over swing) of a strip; None where it is unreadable."""
+    cells = quarters.mean(axis=-1)
+    # two outer cells of half the width of the inner pair's window
+    outer, inner = 0.5 * (cells[:, 0] + cells[:, 2]), cells[:, 1]
+    both = outer + inner - 2.0 * black
+    if both.min() <= 0.0:
+        return None
+    levels = (outer - inner) / both
+    contrast = float(np.sort(np.abs(levels))[-2:].mean())  # of the unmixed bits
+    swing = contrast * both.mean()
     if contrast < LEAST_CONTRAST or swing < LEAST_GREY:
-        return 0.0, 0.0
-    square = 0.0
-    for k in range(bits):
-        for c in range(3):
-            mean = 0.0
-            for part in range(4):
-                mean += 0.25 * quarters[k, c, part]
-            for part in range(4):
-                off = (quarters[k, c, part] - mean) / swing
-                if abs(off) > UNEVEN:
-                    return 0.0, 0.0
-                square += off * off / (12 * bits)
-        levels[k] = 0.5 + 0.5 * levels[k] / contrast
-    return contrast, np.sqrt(square)
+        return None
+    off = (quarters - cells[..., None]) / swing
+    if np.abs(off).max() > UNEVEN:
+        return None
+    return 0.5 + 0.5 * levels / contrast, float(np.sqrt(np.mean(off * off)))
 
 
 def _windows(strip: Strip) -> Ints:
@@ -141,29 +111,33 @@ def _windows(strip: Strip) -> Ints:
 
 
 class StripReader:
-    """Reader of the strips of a rig's frames. noise: the camera's, for its black level. bits: its bit depth.
+    """Reader of the strips of a rig's frames.
 
-    The constructor compiles.
+    image_shape: of the frames. noise: the camera's, for its black level. bits: its bit depth.
     """
 
-    def __init__(self, strips: Strips, image_shape: tuple[int, int], noise: Noise, bits: int) -> None:
+    def __init__(
+        self,
+        strips: Strips,
+        image_shape: tuple[int, int],  # noqa: ARG002 - callers name it
+        noise: Noise,
+        bits: int,
+    ) -> None:
         self._along_u = strips.along_u
         self._strips = tuple((_windows(strip), strip.panel_rows) for strip in (strips.first, strips.last))
         self._black = noise.black_grey
         self._clipped = CLIPPED_SHARE * (2**bits - 1)
-        self._quarters = np.zeros((BITS, 3, 4))
-        self.read(np.zeros(image_shape, np.uint8 if bits == 8 else np.uint16))
 
     def read(self, image: Image) -> tuple[StripReading, ...]:
         """Readings of one image (rows, cols): of both strips, one, or none."""
         readings = []
         for windows, rows in self._strips:
-            _quarters(image, windows, self._along_u, self._quarters)
-            if self._quarters.max() >= self._clipped:
+            quarters = _quarters(image, windows, self._along_u)
+            if quarters.max() >= self._clipped:
                 continue
-            levels = np.empty(BITS)
-            contrast, uneven = _levels(self._quarters, self._black, levels)
-            if contrast:
+            found = _levels(quarters, self._black)
+            if found is not None:
+                levels, uneven = found
                 # a level averages eight quarters of outer cells and four of inner cells
                 readings.append(StripReading(levels, uneven / np.sqrt(4), rows))
         return tuple(readings)

@@ -20,12 +20,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from zeromethod.arrays import Float
-from zeromethod.rounding import REORDERED
+from zeromethod.exposure.panel_rows import at_rows, places
 
 Complex = NDArray[np.complex128]
 
@@ -107,14 +106,12 @@ class TargetPhase:
         shown_q: (rows, cols, 2) LCD px at which the nodes look.
         """
         count = lit.weights.shape[1]
-        whole, windowed = np.empty((count, 4)), np.empty((count, 4))
         per_row = (count - 1) / (sight.rows - 1)
-        blur, reach = _signed_blur(sight, per_row), sight.window_rows * per_row
-        _fill_tables(lit.weights, np.exp(1j * lit.turns), blur, reach, whole, windowed)
-        shape = shown_q.shape[:2]
-        at_nodes, place = np.empty((*shape, 4)), np.empty(shape)
-        _look_up(windowed, shown_q, per_row, sight.upwards, at_nodes, place)
-        return cls(whole, diagonal, at_nodes, place, lit, sight)
+        phasors = _phasors(lit.weights, np.exp(1j * lit.turns), _signed_blur(sight, per_row))
+        windowed = _polar(_averaged(phasors, sight.window_rows * per_row))
+        windowed[:, 2:] = 1.0 / windowed[:, 2:]
+        place = places(shown_q[..., 1], sight.rows, count, sight.upwards)
+        return cls(_polar(phasors), diagonal, at_rows(windowed, place), place, lit, sight)
 
     @property
     def rad(self) -> Float:
@@ -144,19 +141,23 @@ class TargetPhase:
     @property
     def node_late_rad_per_s(self) -> Float:
         """(rows, cols, 2) as `late_rad_per_s`, where each node looks, in the mean over the sensing window."""
-        return _at(self._late(self.sight.window_rows), self.place)
+        return at_rows(self._late(self.sight.window_rows), self.place)
 
     def _late(self, window_rows: float) -> Float:
+        """(n, 2) change of the phase per second of lateness, over a window that reaches so many rows."""
         per_row = (len(self.whole) - 1) / (self.sight.rows - 1)
-        shares, blur = (self.lit.weights, self.lit.late_per_s()), _signed_blur(self.sight, per_row)
-        return _late_rates(*shares, np.exp(1j * self.lit.turns), blur, window_rows * per_row)
+        waves, blur = np.exp(1j * self.lit.turns), _signed_blur(self.sight, per_row)
+        total, change = (
+            _averaged(_phasors(shares, waves, blur), window_rows * per_row)
+            for shares in (self.lit.weights, self.lit.late_per_s())
+        )
+        lengths = np.maximum(np.abs(total), LEAST_CONTRAST)
+        return np.asarray((change * total.conj()).imag / lengths**2)
 
     def at(self, panel_rows: Float) -> tuple[Float, Float, Float]:
         """(rad, contrast, late_rad_per_s) at LCD rows of any shape (...), each (..., 2)."""
-        last = len(self.whole) - 1
-        place = np.asarray(np.clip(panel_rows * (last / (self.sight.rows - 1)), 0.0, last))
-        place = last - place if self.sight.upwards else place
-        rad, contrast, late = (_at(one, place) for one in (self.rad, self.contrast, self.late_rad_per_s))
+        place = places(panel_rows, self.sight.rows, len(self.whole), self.sight.upwards)
+        rad, contrast, late = (at_rows(one, place) for one in (self.rad, self.contrast, self.late_rad_per_s))
         return rad, contrast, late
 
 
@@ -165,111 +166,31 @@ def _signed_blur(sight: Sight, per_row: float) -> Float:
     return sight.blur_rows * (-per_row if sight.upwards else per_row)
 
 
-@numba.njit(cache=True)
 def _phasors(shares: Float, waves: Complex, blur: Float) -> Complex:
     """(n, 2) Z of the module, by shares (k, n) of waves (k, 2)."""
-    rows = shares.shape[1]
-    sharp, out = np.zeros((rows, 2), np.complex128), np.empty((rows, 2), np.complex128)
-    for k in range(shares.shape[0]):
-        for n in range(rows):
-            sharp[n, 0] += shares[k, n] * waves[k, 0]
-            sharp[n, 1] += shares[k, n] * waves[k, 1]
-    for n in range(rows):
-        before, after = max(n - 1, 0), min(n + 1, rows - 1)
-        for c in range(2):
-            out[n, c] = sharp[n, c] + 1j * blur[c] * (sharp[after, c] - sharp[before, c]) / (after - before)
-    return out
+    sharp = shares.T @ waves
+    n = np.arange(len(sharp))
+    before, after = np.maximum(n - 1, 0), np.minimum(n + 1, len(sharp) - 1)
+    return np.asarray(sharp + 1j * blur * (sharp[after] - sharp[before]) / (after - before)[:, None])
 
 
-@numba.njit(cache=True)
 def _averaged(phasors: Complex, reach: float) -> Complex:
     """(n, 2) averaged over the sensing window, a triangle that reaches so many rows to either side.
 
     Beyond the panel as in its last row.
     """
-    rows = phasors.shape[0]
-    out = np.zeros_like(phasors)
     sampled = math.hypot(reach, 1.0)  # of that variance when sampled at whole rows
     half = int(sampled)
-    total = 0.0
-    for k in range(-half, half + 1):
-        total += sampled - abs(k)
-    for k in range(-half, half + 1):
-        weight = (sampled - abs(k)) / total
-        for n in range(rows):
-            m = min(max(n + k, 0), rows - 1)
-            out[n, 0] += weight * phasors[m, 0]
-            out[n, 1] += weight * phasors[m, 1]
-    return out
+    weights = sampled - np.abs(np.arange(-half, half + 1))
+    weights /= weights.sum()
+    padded = np.pad(phasors, ((half, half), (0, 0)), mode="edge")
+    return np.stack([np.convolve(one, weights, mode="valid") for one in padded.T], axis=-1)
 
 
-@numba.njit(cache=True)
-def _fill_polar(phasors: Complex, out: Float) -> None:
+def _polar(phasors: Complex) -> Float:
     """Phases, without leaps from row to row, and lengths (n, 4) of phasors (n, 2)."""
-    for n in range(phasors.shape[0]):
-        for c in range(2):
-            z = phasors[n, c]
-            angle = math.atan2(z.imag, z.real)
-            if n > 0:
-                angle -= 2 * math.pi * np.rint((angle - out[n - 1, c]) / (2 * math.pi))
-            out[n, c], out[n, 2 + c] = angle, max(math.sqrt(z.real**2 + z.imag**2), LEAST_CONTRAST)
-
-
-@numba.njit(cache=True)
-def _fill_tables(
-    weights: Float, waves: Complex, blur: Float, reach: float, whole: Float, windowed: Float
-) -> None:
-    phasors = _phasors(weights, waves, blur)
-    _fill_polar(phasors, whole)
-    _fill_polar(_averaged(phasors, reach), windowed)
-
-
-@numba.njit(cache=True)
-def _late_rates(weights: Float, late_per_s: Float, waves: Complex, blur: Float, reach: float) -> Float:
-    """(n, 2) change of the phase per second of lateness, over a window that reaches so far."""
-    total = _averaged(_phasors(weights, waves, blur), reach)
-    change = _averaged(_phasors(late_per_s, waves, blur), reach)
-    out = np.empty((len(total), 2))
-    for n in range(len(total)):
-        for c in range(2):
-            length = max(abs(total[n, c]), LEAST_CONTRAST)
-            out[n, c] = (change[n, c] * total[n, c].conjugate()).imag / (length * length)
-    return out
-
-
-@numba.njit(cache=True, fastmath=REORDERED)
-def _look_up(table: Float, q: Float, per_row: float, upwards: bool, out: Float, place: Float) -> None:
-    """Phases and 1 / contrast of a table (n, 4) where nodes look, (rows, cols, 4), and its rows there."""
-    last = table.shape[0] - 1
-    inverse = table.copy()
-    for n in range(last + 1):
-        inverse[n, 2], inverse[n, 3] = 1.0 / table[n, 2], 1.0 / table[n, 3]
-    for j in range(q.shape[0]):
-        for i in range(q.shape[1]):
-            x = min(max(q[j, i, 1] * per_row, 0.0), float(last))
-            x = last - x if upwards else x
-            before = np.uintp(min(int(x), last - 1))
-            after = before + np.uintp(1)
-            t = x - float(before)
-            place[j, i] = x
-            for k in range(4):
-                out[j, i, k] = inverse[before, k] + t * (inverse[after, k] - inverse[before, k])
-
-
-def _at(table: Float, place: Float) -> Float:
-    """(..., 2) of a table (n, 2) at its rows (...)."""
-    out = np.empty((place.size, 2))
-    _interpolate(table, place.ravel(), out)
-    return out.reshape(*place.shape, 2)
-
-
-@numba.njit(cache=True)
-def _interpolate(table: Float, place: Float, out: Float) -> None:
-    for i in range(place.size):
-        n = min(int(place[i]), table.shape[0] - 2)
-        t = place[i] - n
-        out[i, 0] = table[n, 0] + t * (table[n + 1, 0] - table[n, 0])
-        out[i, 1] = table[n, 1] + t * (table[n + 1, 1] - table[n, 1])
+    lengths = np.maximum(np.abs(phasors), LEAST_CONTRAST)
+    return np.concatenate([np.unwrap(np.angle(phasors), axis=0), lengths], axis=1)
 
 
 def carrier_turns(shifts: Float, diagonal: bool) -> Float:

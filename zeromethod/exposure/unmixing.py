@@ -9,6 +9,7 @@ import numpy as np
 
 from zeromethod.arrays import Float, Single
 from zeromethod.exposure.target_phase import TargetPhase
+from zeromethod.kernels import kernel, read
 from zeromethod.warp.grid import NodeGrid
 
 NO_BIAS_PX = 2e-3
@@ -18,44 +19,26 @@ NEAR_PX = 0.05
 """Residual near which a moving target's phase, a period over the whole panel at most, is the node's own."""
 
 
-@numba.njit(cache=True)
-def _less(d: Float, bias: Float, near_px: float, out: Float) -> bool:
-    """Take its bias out of a row of nodes (cols, 2); whether that is all there is to do."""
-    more = 0
-    for i in range(d.shape[0]):
-        du, dv, bu, bv = d[i, 0], d[i, 1], bias[i, 0], bias[i, 1]
-        out[i, 0], out[i, 1] = du - bu, dv - bv
-        more += (abs(bu) + abs(bv) > NO_BIAS_PX) | (abs(du) + abs(dv) > near_px)
-    return more == 0
-
-
-@numba.njit(cache=True, inline="always")
-def _displaced(rad: Float, px_per_rad: float, diagonal: bool) -> tuple[float, float]:
-    """(u, v) camera px: phases of the two carriers (2,) as a displacement."""
-    a, b = px_per_rad * rad[0], px_per_rad * rad[1]
-    return (0.5 * (a + b), 0.5 * (a - b)) if diagonal else (a, b)
-
-
-@numba.njit(cache=True)
-def _unmix(
-    d: Float, bias: Float, rad: Float, px_per_rad: float, diagonal: bool, per_px: float, out: Float
-) -> None:
-    """Fill `out` with what `unmix` returns. rad: (0, 0, 2) of a target that stands."""
+@kernel(
+    read(numba.float64, 3),
+    read(numba.float64, 3),
+    read(numba.float64, 3),
+    numba.float64,
+    numba.float64,
+    numba.float64[:, :, ::1],
+)
+def _unmix(d: Float, bias: Float, own: Float, near_px: float, per_px: float, out: Float) -> None:
+    """Fill `out` with what `unmix` returns. own: bias and, of a target that moves, its phase, camera px."""
     rows, cols = d.shape[0], d.shape[1]
-    moving = rad.shape[0] > 0
-    near_px = NEAR_PX if moving else math.inf
     for j in range(rows):
-        if _less(d[j], bias[j], near_px, out[j]):
-            continue
         for i in range(cols):
-            du, dv = d[j, i, 0], d[j, i, 1]
-            bu, bv = bias[j, i, 0], bias[j, i, 1]
+            du, dv, bu, bv = d[j, i, 0], d[j, i, 1], bias[j, i, 0], bias[j, i, 1]
+            out[j, i, 0], out[j, i, 1] = du - bu, dv - bv
             if abs(bu) + abs(bv) <= NO_BIAS_PX and abs(du) + abs(dv) <= near_px:
                 continue
-            ou, ov = _displaced(rad[j, i], px_per_rad, diagonal) if moving else (0.0, 0.0)
+            ou, ov = own[j, i, 0] - bu, own[j, i, 1] - bv
             for _ in range(3):
-                x = i + per_px * (du - bu)
-                y = j + per_px * (dv - bv)
+                x, y = i + per_px * (du - bu), j + per_px * (dv - bv)
                 # positions outside the grid are clipped to its edge, NaN to node 0
                 x = min(max(x, 0.0), cols - 1.001) if math.isfinite(x) else 0.0
                 y = min(max(y, 0.0), rows - 1.001) if math.isfinite(y) else 0.0
@@ -65,21 +48,13 @@ def _unmix(
                 for corner in range(4):
                     right, below = corner & 1, corner >> 1
                     weight = (s if right else 1 - s) * (t if below else 1 - t)
-                    u += weight * bias[n + below, m + right, 0]
-                    v += weight * bias[n + below, m + right, 1]
-                    if moving:
-                        tu, tv = _displaced(rad[n + below, m + right], px_per_rad, diagonal)
-                        u += weight * tu
-                        v += weight * tv
+                    u += weight * own[n + below, m + right, 0]
+                    v += weight * own[n + below, m + right, 1]
                 settled = abs(u - bu) + abs(v - bv) < 1e-3
                 bu, bv = u, v
                 if settled:
                     break
-            out[j, i, 0] = du - bu
-            out[j, i, 1] = dv - bv
-
-
-_STILL = np.zeros((0, 0, 2))
+            out[j, i, 0], out[j, i, 1] = du - bu, dv - bv
 
 
 def unmix(d: Float, bias_px: Float, grid: NodeGrid, target: TargetPhase | None = None) -> Float:
@@ -89,22 +64,22 @@ def unmix(d: Float, bias_px: Float, grid: NodeGrid, target: TargetPhase | None =
     target: that moves, whose phase at each node (u, v) the sensor has taken out of d there; the one at
     (u, v) + d is what belongs to it.
     """
-    out = np.empty_like(d)
-    rad, diagonal = (_STILL, False) if target is None else (target.node_rad, target.diagonal)
-    _unmix(d, bias_px, rad, grid.period_px / (2 * math.pi), diagonal, 1 / grid.spacing_px, out)
+    out, near_px, own = np.empty_like(d), math.inf, bias_px
+    if target is not None:
+        near_px, own = NEAR_PX, bias_px + _displaced(target, grid.period_px / (2 * math.pi))
+    _unmix(d, bias_px, own, near_px, 1 / grid.spacing_px, out)
     return out
 
 
-@numba.njit(cache=True)
-def _gained(modulation: Single, at_nodes: Float, out: Single) -> None:
-    for j in range(out.shape[0]):
-        for i in range(out.shape[1]):
-            out[j, i, 0] = modulation[j, i, 0] * at_nodes[j, i, 2]
-            out[j, i, 1] = modulation[j, i, 1] * at_nodes[j, i, 3]
+def _displaced(target: TargetPhase, px_per_rad: float) -> Float:
+    """(rows, cols, 2) camera px along u and v: phases of the target's two carriers as a displacement."""
+    along = px_per_rad * target.node_rad
+    if not target.diagonal:
+        return along
+    a, b = along[..., 0], along[..., 1]
+    return np.stack([0.5 * (a + b), 0.5 * (a - b)], axis=-1)
 
 
 def at_full_contrast(modulation: Single, target: TargetPhase) -> Single:
     """Modulation (rows, cols, 2) that the nodes would have if the target stood."""
-    out = np.empty_like(modulation)
-    _gained(modulation, target.at_nodes, out)
-    return out
+    return (modulation * target.at_nodes[..., 2:]).astype(np.float32)

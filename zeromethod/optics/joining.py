@@ -14,6 +14,7 @@ import numba
 import numpy as np
 
 from zeromethod.arrays import Float
+from zeromethod.kernels import kernel, piece, read
 from zeromethod.optics.panel import Panel
 from zeromethod.optics.prism import Face
 
@@ -29,16 +30,22 @@ _X, _Y, _Z, _SHIFT, _FIRST, _LAST, _W, _VALUE, _GAIN, _STEP = (_BLOCK * k for k 
 _ROWS = 10
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _offsets(point: Float, q: Float, part: slice, frame: Float, inner_mm: float, s: Float) -> None:
+@piece
+def _offsets(point: Float, q: Float, start: int, size: int, frame: Float, inner_mm: float, s: Float) -> None:
     """Into the block `s`: way to the LCD across the slabs' normal, thickness of the first and last slab."""
-    ox, oy, oz = frame[0]
-    cx, cy, cz = frame[1]
-    rx, ry, rz = frame[2]
-    nx, ny, nz = frame[3]
-    ex, ey, ez = frame[4]
-    (x_mm, y_mm, z_mm), (us, vs) = (point[0, part], point[1, part], point[2, part]), (q[0, part], q[1, part])
-    for i in range(len(us)):
+    ox, oy, oz = frame[0, 0], frame[0, 1], frame[0, 2]
+    cx, cy, cz = frame[1, 0], frame[1, 1], frame[1, 2]
+    rx, ry, rz = frame[2, 0], frame[2, 1], frame[2, 2]
+    nx, ny, nz = frame[3, 0], frame[3, 1], frame[3, 2]
+    ex, ey, ez = frame[4, 0], frame[4, 1], frame[4, 2]
+    x_mm, y_mm, z_mm, us, vs = (
+        point[0, start:],
+        point[1, start:],
+        point[2, start:],
+        q[0, start:],
+        q[1, start:],
+    )
+    for i in range(size):
         px, py, pz, u, v = x_mm[i], y_mm[i], z_mm[i], us[i], vs[i]
         x, y, z = ox + u * cx + v * rx - px, oy + u * cy + v * ry - py, oz + u * cz + v * rz - pz
         along = x * nx + y * ny + z * nz
@@ -53,108 +60,72 @@ def _offsets(point: Float, q: Float, part: slice, frame: Float, inner_mm: float,
         s[_LAST + i] = last if known else np.nan
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _begin(indices: Float, thicknesses: Float, size: int, s: Float) -> None:
-    """Tangents below the root: that of small angles, or that of grazing rays where it is larger."""
-    least = indices.min()
+@piece
+def _solve(indices: Float, thicknesses: Float, least: float, size: int, s: Float) -> None:
+    """Into `_W`, tangents by Newton's steps from below the root; `_STEP` is NaN where they did not settle.
+
+    They begin with the tangent of small angles, or of grazing rays where that is larger.
+    """
+    count = len(indices)
     for i in range(size):
         s[_VALUE + i], s[_GAIN + i], s[_STEP + i] = 0.0, 0.0, 0.0
-    for k in range(len(indices)):
+    for k in range(count):
         n = indices[k]
         b = n * n - least * least
         share = least / n
         steep = least / np.sqrt(b) if b > 0.0 else 0.0
         level = 0.0 if b > 0.0 else 1.0
-        row = _FIRST if k == 0 else _LAST
-        varies = k == 0 or k == len(indices) - 1
+        row, varies = _FIRST if k == 0 else _LAST, k == 0 or k == count - 1
         for i in range(size):
             t = s[row + i] if varies else thicknesses[k]
             s[_VALUE + i] += share * t
             s[_GAIN + i] += steep * t
             s[_STEP + i] += level * t
     for i in range(size):
-        w = s[_SHIFT + i] / s[_VALUE + i]
-        steep = (s[_SHIFT + i] - s[_GAIN + i]) / s[_STEP + i]
-        s[_W + i] = steep if steep > w else w
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _step(indices: Float, thicknesses: Float, size: int, s: Float) -> int:
-    """One of Newton's steps; how many nodes it moved. What it left in `_STEP` is NaN where it did, else 0."""
-    least = indices.min()
-    for i in range(size):
-        s[_VALUE + i] = 0.0
-        s[_GAIN + i] = 0.0
-    for k in range(len(indices)):
-        a = indices[k] * indices[k]
-        b = a - least * least
-        row = _FIRST if k == 0 else _LAST
-        varies = k == 0 or k == len(indices) - 1
+        w, grazing = s[_SHIFT + i] / s[_VALUE + i], (s[_SHIFT + i] - s[_GAIN + i]) / s[_STEP + i]
+        s[_W + i] = grazing if grazing > w else w
+    for _ in range(_ITERATIONS):
         for i in range(size):
-            t = s[row + i] if varies else thicknesses[k]
+            s[_VALUE + i], s[_GAIN + i] = 0.0, 0.0
+        for k in range(count):
+            a = indices[k] * indices[k]
+            b = a - least * least
+            row, varies = _FIRST if k == 0 else _LAST, k == 0 or k == count - 1
+            for i in range(size):
+                t = s[row + i] if varies else thicknesses[k]
+                w = s[_W + i]
+                per = 1.0 / np.sqrt(a + b * w * w)
+                part = t * per
+                s[_VALUE + i] += part
+                s[_GAIN + i] += a * part * per * per
+        unsettled = 0
+        for i in range(size):
             w = s[_W + i]
-            per = 1.0 / np.sqrt(a + b * w * w)
-            part = t * per
-            s[_VALUE + i] += part
-            s[_GAIN + i] += a * part * per * per
-    unsettled = 0
-    for i in range(size):
-        w = s[_W + i]
-        step = (s[_SHIFT + i] - least * w * s[_VALUE + i]) / (least * s[_GAIN + i])
-        w += step
-        s[_W + i] = w
-        far = abs(step) > _SETTLED * (1.0 + w) * (1.0 + w)
-        s[_STEP + i] = np.nan if far else 0.0
-        unsettled += far
-    return unsettled
+            step = (s[_SHIFT + i] - least * w * s[_VALUE + i]) / (least * s[_GAIN + i])
+            w += step
+            s[_W + i] = w
+            far = abs(step) > _SETTLED * (1.0 + w) * (1.0 + w)
+            s[_STEP + i] = np.nan if far else 0.0
+            unsettled += far
+        if unsettled == 0:
+            break
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel(
+    read(numba.float64, 2),
+    read(numba.float64, 2),
+    read(numba.float64, 2),
+    read(numba.float64, 2),
+    read(numba.float64, 2),
+    read(numba.float64, 1),
+    read(numba.float64, 1),
+    numba.float64,
+    numba.float64,
+    numba.float64[::1],
+    numba.float64[:, ::1],
+    numba.float64[:, ::1],
+)
 def _add_slopes(
-    direction: Float,
-    way: Float,
-    part: slice,
-    normal: Float,
-    indices: Float,
-    s: Float,
-    slope: Float,
-    rate: Float,
-) -> None:
-    """Bisect rays and their ways on, which leave at tangents `_W`; how that changes as the points move."""
-    nx, ny, nz = normal
-    least, first = indices.min(), indices[0]
-    b = first * first - least * least
-    to_x, to_y, to_z = direction[0, part], direction[1, part], direction[2, part]
-    way_x, way_y, way_z = way[0, part], way[1, part], way[2, part]
-    slope_x, slope_y, rate_x, rate_y = slope[0, part], slope[1, part], rate[0, part], rate[1, part]
-    for i in range(len(to_x)):
-        w, shift = s[_W + i] + s[_STEP + i], s[_SHIFT + i]
-        flat, bent = 1.0 / np.sqrt(1.0 + w * w), 1.0 / np.sqrt(first * first + b * w * w)
-        sine, cosine = least * w * flat / first, flat / (first * bent)
-        per = 1.0 / shift if shift > 0.0 else 0.0 * w
-        x, y, z = s[_X + i] * per, s[_Y + i] * per, s[_Z + i] * per
-        bx = to_x[i] - sine * x - cosine * nx
-        by = to_y[i] - sine * y - cosine * ny
-        bz = to_z[i] - sine * z - cosine * nz
-        slope_x[i] += bx / bz
-        slope_y[i] += by / bz
-        # a point that moves has a shorter way through the first slab, and another one across
-        mx, my, mz = way_x[i], way_y[i], way_z[i]
-        along = mx * nx + my * ny + mz * nz
-        mx, my, mz = mx - along * nx, my - along * ny, mz - along * nz
-        nearer = mx * x + my * y + mz * z
-        turn = (along * least * w * bent - nearer) / (least * s[_GAIN + i])
-        steeper, across = turn * least * flat * flat * flat / first, sine * per
-        shorter = steeper * sine / cosine
-        dx = steeper * x - across * (mx - nearer * x) - shorter * nx
-        dy = steeper * y - across * (my - nearer * y) - shorter * ny
-        dz = steeper * z - across * (mz - nearer * z) - shorter * nz
-        rate_x[i] += (bx / bz * dz - dx) / bz
-        rate_y[i] += (by / bz * dz - dy) / bz
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _slopes(
     direction: Float,
     point: Float,
     q: Float,
@@ -162,20 +133,55 @@ def _slopes(
     frame: Float,
     indices: Float,
     thicknesses: Float,
+    least: float,
+    inner_mm: float,
+    s: Float,
     slope: Float,
     rate: Float,
 ) -> None:
-    s = np.empty(_ROWS * _BLOCK)
-    inner_mm = thicknesses[1:-1].sum()
+    """Bisect rays and their ways on; what that changes by as the points move.
+
+    least: of the indices. inner_mm: of all slabs but the first and last. s: room for a block.
+    """
+    nx, ny, nz = frame[3, 0], frame[3, 1], frame[3, 2]
+    first = indices[0]
+    b = first * first - least * least
     for start in range(0, direction.shape[1], _BLOCK):
-        part = slice(start, min(start + _BLOCK, direction.shape[1]))
-        size = part.stop - part.start
-        _offsets(point, q, part, frame, inner_mm, s)
-        _begin(indices, thicknesses, size, s)
-        for _ in range(_ITERATIONS):
-            if _step(indices, thicknesses, size, s) == 0:
-                break
-        _add_slopes(direction, way, part, frame[3], indices, s, slope, rate)
+        size = min(_BLOCK, direction.shape[1] - start)
+        _offsets(point, q, start, size, frame, inner_mm, s)
+        _solve(indices, thicknesses, least, size, s)
+        to_x, to_y, to_z = direction[0, start:], direction[1, start:], direction[2, start:]
+        way_x, way_y, way_z = way[0, start:], way[1, start:], way[2, start:]
+        slope_x, slope_y, rate_x, rate_y = (
+            slope[0, start:],
+            slope[1, start:],
+            rate[0, start:],
+            rate[1, start:],
+        )
+        for i in range(size):
+            w, shift = s[_W + i] + s[_STEP + i], s[_SHIFT + i]
+            flat, bent = 1.0 / np.sqrt(1.0 + w * w), 1.0 / np.sqrt(first * first + b * w * w)
+            sine, cosine = least * w * flat / first, flat / (first * bent)
+            per = 1.0 / shift if shift > 0.0 else 0.0 * w
+            x, y, z = s[_X + i] * per, s[_Y + i] * per, s[_Z + i] * per
+            bx = to_x[i] - sine * x - cosine * nx
+            by = to_y[i] - sine * y - cosine * ny
+            bz = to_z[i] - sine * z - cosine * nz
+            slope_x[i] += bx / bz
+            slope_y[i] += by / bz
+            # a point that moves has a shorter way through the first slab, and another one across
+            mx, my, mz = way_x[i], way_y[i], way_z[i]
+            along = mx * nx + my * ny + mz * nz
+            mx, my, mz = mx - along * nx, my - along * ny, mz - along * nz
+            nearer = mx * x + my * y + mz * z
+            turn = (along * least * w * bent - nearer) / (least * s[_GAIN + i])
+            steeper, across = turn * least * flat * flat * flat / first, sine * per
+            shorter = steeper * sine / cosine
+            dx = steeper * x - across * (mx - nearer * x) - shorter * nx
+            dy = steeper * y - across * (my - nearer * y) - shorter * ny
+            dz = steeper * z - across * (mz - nearer * z) - shorter * nz
+            rate_x[i] += (bx / bz * dz - dx) / bz
+            rate_y[i] += (by / bz * dz - dy) / bz
 
 
 @dataclass(frozen=True)
@@ -207,5 +213,11 @@ class Joining:
         And to `rate` (2, n) what it changes by as the points move along their `way` (3, n). direction, point:
         (3, n) in the rubber and mm, q: (2, n) LCD px. NaN where no ray joins the two.
         """
-        slabs = self.frame, self.indices, self.thicknesses_mm
-        _slopes(direction, point, q, way, *slabs, slope, rate)
+        slabs = (
+            self.frame,
+            self.indices,
+            self.thicknesses_mm,
+            self.indices.min(),
+            self.thicknesses_mm[1:-1].sum(),
+        )
+        _add_slopes(direction, point, q, way, *slabs, np.empty(_ROWS * _BLOCK), slope, rate)

@@ -14,15 +14,17 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from zeromethod.arrays import Flags, Float, Single
+from zeromethod.arrays import Float, Image, Single
+from zeromethod.kernels import kernel, read
 from zeromethod.rig.model import Noise
-from zeromethod.sensing.demodulate import FAST, Buffers, Image, demodulate
+from zeromethod.sensing.demodulate import FAST, Demodulator, clipped_pixels
 from zeromethod.sensing.residual import Limits, Residual, Scales, flags_of
 from zeromethod.sensing.window import carrier_power
 from zeromethod.warp.grid import PADDING, NodeGrid
 
 PI = np.float32(np.pi)
 HALF_PI = np.float32(np.pi / 2)
+_INNER = slice(PADDING, -PADDING), slice(PADDING, -PADDING)
 
 
 class CarrierEstimator:
@@ -44,26 +46,39 @@ class CarrierEstimator:
     ) -> None:
         rows, cols = (n - 2 * PADDING for n in grid.shape)
         period = grid.period_px
-        self._buffers = Buffers.of((rows, cols), period, signs=(1, -1, -1), planes=5)
-        self._ceiling, self._diagonal = ceiling, diagonal
-        self._origin = np.exp(-1j * np.array(origin_rad)).astype(np.complex64)
+        self._demodulator = Demodulator((rows, cols), period, diagonal=diagonal)
+        self._half, self._ceiling, self._diagonal = period // 2, ceiling, diagonal
+        odd = 1 - 2 * (np.arange(cols) & 1)
+        odd_row = 1 - 2 * (np.arange(rows)[:, None] & 1)
+        # the carriers advance by half a period from node to node
+        signs = np.broadcast_arrays(
+            odd * odd_row if diagonal else odd, odd * odd_row if diagonal else odd_row
+        )
+        origin = np.exp(1j * np.array(origin_rad))[:, None, None]
+        self._turn = (np.stack(signs) * origin).astype(np.complex64)
         self._gain = carrier_power(period).astype(np.float32)
-        self._px_per_rad = np.float32(period / (2 * np.pi))
-        self._scales = Scales(*np.array(Scales.of(noise, limits, period), np.float32))
-        self._work = np.zeros((6, cols), np.float32)
+        self._px_per_rad = period / (2 * np.pi)
+        self._scales = Scales.of(noise, limits, period)
+        self._work, self._extremes = np.zeros((6, cols), np.float32), np.zeros((2, rows, cols), np.float32)
 
     def estimate(self, image: Image, reference_light: Single, out: Residual) -> None:
         """Fill the measurable nodes of `out`; its d receives the wrapped displacements.
 
         reference_light: (node rows, node cols) mean light at rest above black, 0 = unknown.
         """
-        buffers, carriers = self._buffers, (self._diagonal, self._origin, self._gain, self._px_per_rad)
-        demodulate(image, self._ceiling, self._diagonal, buffers)
-        light, work = reference_light, self._work
-        _read_phases(buffers.planes, buffers.clipped, *carriers, self._scales, light, work, out.arrays)
+        planes, scales = self._demodulator.planes(image), self._scales
+        noise = scales.still, scales.per_grey, scales.black
+        carriers = self._turn, self._diagonal, self._gain, self._px_per_rad
+        work = self._work, self._extremes
+        _read_planes(planes, *carriers, *noise, *work, out.d, out.sigma, out.modulation)
+        mean = planes[0]
+        out.mean[_INNER] = mean
+        over = clipped_pixels(image, self._ceiling, mean.shape, self._half)
+        worst, least = self._extremes
+        out.flags[_INNER] = flags_of(worst, least, mean - scales.black, reference_light, over, scales)
 
 
-@numba.njit(cache=True, fastmath=FAST, inline="always")
+@numba.njit(cache=True, error_model="numpy", fastmath=FAST, inline="always")
 def _arctan2(y: np.float32, x: np.float32) -> np.float32:
     """Arc tangent without branches, for vector code; minimax polynomial within 4e-8 rad before rounding."""
     ax, ay = abs(x), abs(y)
@@ -82,97 +97,87 @@ def _arctan2(y: np.float32, x: np.float32) -> np.float32:
     return -p if y < 0 else p
 
 
-@numba.njit(cache=True, fastmath=FAST)
-def _read_row(
+@kernel(
+    read(numba.float32, 3),
+    read(numba.complex64, 3),
+    numba.boolean,
+    read(numba.float32, 1),
+    numba.float32,
+    numba.float32,
+    numba.float32,
+    numba.float32,
+    numba.float32[:, ::1],
+    numba.float32[:, :, ::1],
+    numba.float64[:, :, ::1],
+    numba.float64[:, :, ::1],
+    numba.float32[:, :, ::1],
+    fastmath=FAST,
+)
+def _read_planes(
     planes: Single,
-    r: int,
+    turn: NDArray[np.complex64],
     diagonal: bool,
-    origin: NDArray[np.complex64],
     gain: Single,
-    scale: np.float32,
-    scales: Scales,
+    scale: float,
+    still: float,
+    per_grey: float,
+    black: float,
     work: Single,
+    extremes: Single,
+    d: Float,
+    sigma: Float,
+    modulation: Single,
 ) -> None:
-    """Phase (px), variance (px^2) and amplitude of both carriers of one node row: six rows of `work`."""
-    still, per_grey, black = scales.still, scales.per_grey, scales.black
+    """Phase and its standard deviation (px) and amplitude of both carriers at the measurable nodes.
+
+    planes: (5, rows, cols) of the demodulator. turn: (2, rows, cols) by which the carriers' phases are turned
+    back. scale: px per rad. still, per_grey, black: `Scales`. work: (6, cols). extremes: (2, rows, cols)
+    receives the larger standard deviation and the smaller amplitude. d, sigma and modulation have padding.
+    """
     g0, g1, g2, g3 = gain[0], gain[1], gain[2], gain[3]
     half, quarter, two = np.float32(0.5), np.float32(0.25), np.float32(2)
-    tiny = np.float32(1e-30)
-    cu, su, cv, sv, mean = planes[0, r], planes[1, r], planes[2, r], planes[3, r], planes[4, r]
-    o0, p0, o1, p1 = origin[0].real, origin[0].imag, origin[1].real, origin[1].imag
-    row_sign = np.float32(1 - 2 * (r & 1))
-    for j in range(work.shape[1]):
-        # the carrier advances by half a period from node to node
-        odd = np.float32(1 - 2 * (j & 1))
-        f0 = odd * row_sign if diagonal else odd
-        f1 = odd * row_sign if diagonal else row_sign
-        za, zb = cu[j], -su[j]
-        ya, yb = cv[j], -sv[j]
-        work[0, j] = scale * _arctan2(f0 * (za * p0 + zb * o0), f0 * (za * o0 - zb * p0))
-        work[1, j] = scale * _arctan2(f1 * (ya * p1 + yb * o1), f1 * (ya * o1 - yb * p1))
-        au, av = two * np.sqrt(za * za + zb * zb), two * np.sqrt(ya * ya + yb * yb)
-        pixel = still + per_grey * max(mean[j] - black, np.float32(0))
-        ku, kv = two * scale / max(au, tiny), two * scale / max(av, tiny)
-        # cosines of the carriers' phases at the node, and of their double and triple
-        c, e = two * za / max(au, tiny), two * ya / max(av, tiny)
-        s, t = two * zb / max(au, tiny), two * yb / max(av, tiny)
-        if diagonal:
-            vp = half * g0 * g0 * pixel * ku * ku
-            vm = half * g0 * g0 * pixel * kv * kv
-            both = g0 * g2 * s * t * pixel * ku * kv
-            work[2, j] = quarter * (vp + vm + two * both)
-            work[3, j] = quarter * (vp + vm - two * both)
-        else:
-            c2, e2 = two * c * c - 1, two * e * e - 1
-            c3, e3 = c * (two * c2 - 1), e * (two * e2 - 1)
-            nu, nv = half * (g0 - g2 * c2), half * (g0 - g2 * e2)
-            vu = pixel * nu * g0 + per_grey * (au * quarter * (g1 * c - g3 * c3) * g0 + av * nu * g1 * e)
-            vv = pixel * nv * g0 + per_grey * (av * quarter * (g1 * e - g3 * e3) * g0 + au * nv * g1 * c)
-            work[2, j] = ku * ku * vu
-            work[3, j] = kv * kv * vv
-        work[4, j], work[5, j] = au, av
-
-
-@numba.njit(cache=True)
-def _read_phases(
-    planes: Single,
-    clipped: NDArray[np.int32],
-    diagonal: bool,
-    origin: NDArray[np.complex64],
-    gain: Single,
-    px_per_rad: np.float32,
-    scales: Scales,
-    reference_light: Single,
-    work: Single,
-    out: tuple[Float, Float, Flags, Single, Single],
-) -> None:
-    d, sigma, flags, modulation, mean = out
-    any_clipped = clipped.max() > 0
+    tiny, most = np.float32(1e-30), np.float32(np.inf)
     for r in range(planes.shape[1]):
-        _read_row(planes, r, diagonal, origin, gain, px_per_rad, scales, work)
+        mean, cu, su, cv, sv = planes[0, r], planes[1, r], planes[2, r], planes[3, r], planes[4, r]
+        turn_u, turn_v = turn[0, r], turn[1, r]
         for j in range(planes.shape[2]):
-            row, col = r + PADDING, j + PADDING
-            au, av, grey = work[4, j], work[5, j], planes[4, r, j]
-            su = np.sqrt(work[2, j]) if au > 0 else np.inf
-            sv = np.sqrt(work[3, j]) if av > 0 else np.inf
-            light, rest = grey - scales.black, reference_light[r, j]
-            over = clipped[r : r + 4, j : j + 4].sum() if any_clipped else 0
-            d[row, col, 0], d[row, col, 1] = work[0, j], work[1, j]
-            sigma[row, col, 0], sigma[row, col, 1] = su, sv
-            modulation[row, col, 0], modulation[row, col, 1] = au, av
-            mean[row, col] = grey
-            flags[row, col] = flags_of(max(su, sv), min(au, av), light, rest, over, scales)
+            za, zb, ya, yb = cu[j], -su[j], cv[j], -sv[j]
+            o, p = turn_u[j].real, turn_u[j].imag
+            work[0, j] = scale * _arctan2(za * p + zb * o, za * o - zb * p)
+            o, p = turn_v[j].real, turn_v[j].imag
+            work[1, j] = scale * _arctan2(ya * p + yb * o, ya * o - yb * p)
+            au, av = two * np.sqrt(za * za + zb * zb), two * np.sqrt(ya * ya + yb * yb)
+            pixel = still + per_grey * max(mean[j] - black, np.float32(0))
+            ku, kv = two * scale / max(au, tiny), two * scale / max(av, tiny)
+            # cosines of the carriers' phases at the node, and of their double and triple
+            c, e = two * za / max(au, tiny), two * ya / max(av, tiny)
+            s, t = two * zb / max(au, tiny), two * yb / max(av, tiny)
+            if diagonal:
+                vp = half * g0 * g0 * pixel * ku * ku
+                vm = half * g0 * g0 * pixel * kv * kv
+                both = g0 * g2 * s * t * pixel * ku * kv
+                vu, vv = quarter * (vp + vm + two * both), quarter * (vp + vm - two * both)
+            else:
+                c2, e2 = two * c * c - 1, two * e * e - 1
+                c3, e3 = c * (two * c2 - 1), e * (two * e2 - 1)
+                nu, nv = half * (g0 - g2 * c2), half * (g0 - g2 * e2)
+                vu = pixel * nu * g0 + per_grey * (au * quarter * (g1 * c - g3 * c3) * g0 + av * nu * g1 * e)
+                vv = pixel * nv * g0 + per_grey * (av * quarter * (g1 * e - g3 * e3) * g0 + au * nv * g1 * c)
+                vu, vv = ku * ku * vu, kv * kv * vv
+            du, dv = np.sqrt(vu) if au > 0 else most, np.sqrt(vv) if av > 0 else most
+            work[2, j], work[3, j], work[4, j], work[5, j] = du, dv, au, av
+            extremes[0, r, j], extremes[1, r, j] = max(du, dv), min(au, av)
+        for k in range(2):
+            for j in range(planes.shape[2]):
+                d[r + PADDING, j + PADDING, k] = work[k, j]
+                sigma[r + PADDING, j + PADDING, k] = work[2 + k, j]
+                modulation[r + PADDING, j + PADDING, k] = work[4 + k, j]
 
 
-@numba.njit(cache=True, fastmath=FAST)
 def take_out(d: Float, target_rad: Float, period: float) -> None:
     """Take a target's known phase (rows, cols, 2) along its carriers out of wrapped displacements, px.
 
     They stay within +-P/2.
     """
-    px_per_rad, per_px = period / (2 * math.pi), 1 / period
-    for row in range(PADDING, d.shape[0] - PADDING):
-        for col in range(PADDING, d.shape[1] - PADDING):
-            for k in range(2):
-                apart = d[row, col, k] - px_per_rad * target_rad[row, col, k]
-                d[row, col, k] = apart - period * np.rint(per_px * apart)
+    apart = d[_INNER] - period / (2 * math.pi) * target_rad[_INNER]
+    d[_INNER] = apart - period * np.rint(apart / period)

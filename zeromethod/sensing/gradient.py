@@ -9,16 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import numba
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from zeromethod.arrays import Flags, Float, Single
+from zeromethod.arrays import Float, Image, Single
 from zeromethod.rig.model import Noise
-from zeromethod.sensing.demodulate import FAST, Buffers, Image, count_clipped, window_rows
+from zeromethod.sensing.demodulate import clipped_pixels
 from zeromethod.sensing.residual import Limits, Residual, Scales, flags_of
-from zeromethod.sensing.window import triangle
+from zeromethod.sensing.window import sums_along, triangle
 from zeromethod.warp.grid import PADDING, NodeGrid
 from zeromethod.warp.validity import Flag
 
@@ -71,17 +69,40 @@ class GradientEstimator:
             axis=-1,
         )
         self._rms: Float = np.sqrt(np.maximum(normal[..., 0, 0] - normal[..., 0, 3] ** 2, 0.0))
-        self._basis = basis[:3].astype(np.float32)
+        self._basis = basis.astype(np.float32)
+        self._weights = np.concatenate([[0.0], triangle(period)]).astype(np.float32)[None]
         self._scales = Scales.of(noise, limits, period)
         self._mean, self._farthest_px = mean, period / 4
-        self._ceiling = ceiling
-        self._buffers = Buffers.of((rows, cols), period, signs=(1, 1, 1, 1), planes=4)
+        self._ceiling, self._half = ceiling, half
 
     def estimate(self, image: Image, reference_light: Single, out: Residual) -> None:
         """Fill the measurable nodes of `out`; reference light as for `CarrierEstimator.estimate`."""
-        buffers, fit = self._buffers, (self._inverse, self._spread, self._rms, self._mean, self._farthest_px)
-        _project(image, self._ceiling, self._basis, buffers)
-        _solve(buffers.planes, buffers.clipped, *fit, self._scales, reference_light, out.arrays)
+        sums = self._window_sums(image)
+        gain, moved_u, moved_v, offset = np.einsum("rcij,jrc->irc", self._inverse, sums)
+        fits = gain > 0
+        black, per_grey = self._scales.black, self._scales.per_grey
+        pixel = self._scales.still + per_grey * np.maximum(offset - black, 0.0)
+        still, by_light = np.moveaxis(self._spread, (2, 3), (1, 0))
+        variance = pixel * still + per_grey * gain * by_light
+        with np.errstate(divide="ignore", invalid="ignore"):
+            d = np.where(fits, np.stack([moved_u, moved_v]) / gain, 0.0)
+            sigma = np.where(fits, np.sqrt(np.maximum(variance, 0.0)) / gain, np.inf)
+        amplitude = np.maximum(gain, 0.0) * self._rms * np.sqrt(2.0)
+        inner = slice(PADDING, -PADDING), slice(PADDING, -PADDING)
+        out.d[inner], out.sigma[inner] = np.moveaxis(d, 0, -1), np.moveaxis(sigma, 0, -1)
+        out.modulation[inner], out.mean[inner] = amplitude[..., None], sums[3]
+        over = clipped_pixels(image, self._ceiling, gain.shape, self._half)
+        flags = flags_of(np.maximum(*sigma), amplitude, sums[3] - black, reference_light, over, self._scales)
+        far = np.abs(d).max(axis=0) > self._farthest_px
+        flags[far | (gain * self._mean < LEAST_MATCH * (offset - black))] |= np.uint16(AMBIGUOUS)
+        out.flags[inner] = flags
+
+    def _window_sums(self, image: Image) -> Single:
+        """(4, rows, cols) window sums of grey x (target, its two gradients, one)."""
+        height, width = self._basis.shape[1:]
+        products = self._basis * image[:height, :width]
+        across = sums_along(products, self._weights)[0]
+        return np.asarray(sums_along(across.swapaxes(1, 2), self._weights)[0].swapaxes(1, 2))
 
 
 def _window_matrix(nodes: int, period: int) -> csr_array:
@@ -90,90 +111,3 @@ def _window_matrix(nodes: int, period: int) -> csr_array:
     weight = np.broadcast_to(triangle(period), pixel.shape)
     start = np.arange(nodes + 1) * pixel.shape[1]
     return csr_array((weight.ravel(), pixel.ravel(), start), shape=(nodes, period // 2 * (nodes + 3)))
-
-
-@numba.njit(cache=True, fastmath=FAST)
-def _project(image: Image, ceiling: int, basis: Single, buffers: Buffers) -> None:
-    """Window sums of grey x (target, its gradients, one) per node, in `planes`."""
-    window, blocks, signs, rows = buffers.window, buffers.blocks, buffers.signs, buffers.rows
-    taps, peak, planes, clipped = buffers.taps[0], buffers.peak, buffers.planes, buffers.clipped
-    half, zero = len(window) // 4, np.float32(0)
-    for b in range(clipped.shape[0]):
-        sums = blocks[b & 3]
-        sums[:] = zero
-        peak[:] = 0
-        for y in range(half):
-            row = b * half + y
-            line, at = image[row], np.float32(y)
-            t, tu, tv = basis[0, row], basis[1, row], basis[2, row]
-            for u in range(sums.shape[1]):
-                peak[u] = max(peak[u], line[u])
-                grey = np.float32(line[u])
-                p, q, s = grey * t[u], grey * tu[u], grey * tv[u]
-                sums[0, u] += p
-                sums[1, u] += at * p
-                sums[2, u] += q
-                sums[3, u] += at * q
-                sums[4, u] += s
-                sums[5, u] += at * s
-                sums[6, u] += grey
-                sums[7, u] += at * grey
-        count_clipped(image, b * half, half, ceiling, peak, clipped[b])
-        if b < 3:
-            continue
-        r = b - 3
-        window_rows(blocks[r & 3], blocks[(r + 1) & 3], blocks[(r + 2) & 3], sums, signs, half, rows)
-        for j in range(planes.shape[2]):
-            a0, a1, a2, a3 = zero, zero, zero, zero
-            for k in range(len(window)):
-                weight = taps[k]
-                a0 += weight * rows[0, half * j + k]
-                a1 += weight * rows[1, half * j + k]
-                a2 += weight * rows[2, half * j + k]
-                a3 += weight * rows[3, half * j + k]
-            planes[0, r, j], planes[1, r, j], planes[2, r, j], planes[3, r, j] = a0, a1, a2, a3
-
-
-@numba.njit(cache=True)
-def _solve(
-    planes: Single,
-    clipped: NDArray[np.int32],
-    inverse: Float,
-    spread: Float,
-    rms: Float,
-    target_mean: float,
-    farthest_px: float,
-    scales: Scales,
-    reference_light: Single,
-    out: tuple[Float, Float, Flags, Single, Single],
-) -> None:
-    d, sigma, flags, modulation, mean = out
-    still, per_grey, black = scales.still, scales.per_grey, scales.black
-    for r in range(planes.shape[1]):
-        for j in range(planes.shape[2]):
-            row, col, m = r + PADDING, j + PADDING, inverse[r, j]
-            p, q, s, t = planes[0, r, j], planes[1, r, j], planes[2, r, j], planes[3, r, j]
-            gain = m[0, 0] * p + m[0, 1] * q + m[0, 2] * s + m[0, 3] * t
-            offset = m[3, 0] * p + m[3, 1] * q + m[3, 2] * s + m[3, 3] * t
-            light = t - black
-            pixel = still + per_grey * max(offset - black, 0.0)
-            amplitude = max(gain, 0.0) * rms[r, j] * np.sqrt(2.0)
-            far = 0.0
-            for k in range(2):
-                if gain > 0:
-                    n = m[k + 1]
-                    moved = (n[0] * p + n[1] * q + n[2] * s + n[3] * t) / gain
-                    variance = pixel * spread[r, j, k, 0] + per_grey * gain * spread[r, j, k, 1]
-                    far = max(far, abs(moved))
-                    d[row, col, k] = moved
-                    sigma[row, col, k] = np.sqrt(max(variance, 0.0)) / gain
-                else:
-                    d[row, col, k], sigma[row, col, k] = 0.0, np.inf
-                modulation[row, col, k] = amplitude
-            worst = max(sigma[row, col, 0], sigma[row, col, 1])
-            over = clipped[r : r + 4, j : j + 4].sum()
-            flag = flags_of(worst, amplitude, light, reference_light[r, j], over, scales)
-            if far > farthest_px or gain * target_mean < LEAST_MATCH * (offset - black):
-                flag |= AMBIGUOUS
-            mean[row, col] = t
-            flags[row, col] = flag

@@ -6,11 +6,9 @@ be known at all. What is left is to flag the few nodes that are cut off from all
 
 from __future__ import annotations
 
-import math
-
-import numba
 import numpy as np
-from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 
 from zeromethod.arrays import Flags, Float
 from zeromethod.warp.grid import PADDING
@@ -26,104 +24,65 @@ neighbours moved apart by three quarters of a period since."""
 BORDER_SHARE = 0.25
 """Least share of all border nodes in a region for them to determine its order."""
 FEW = 64
-"""Nodes of a region that are looked through for one with a guess."""
+"""Nodes without a guess, in one region, that may settle their order by the view's border."""
 
-Ints = NDArray[np.int32]
+_ALL, _FIRST, _LAST = slice(None), slice(1, None), slice(None, -1)
+EDGES = (
+    ((..., _ALL, _LAST), (..., _ALL, _FIRST)),
+    ((..., _LAST, _ALL), (..., _FIRST, _ALL)),
+)
+"""Nodes at both ends of the edges to the right and downwards: parts of arrays (..., rows, cols)."""
+
+_INNER = slice(PADDING, -PADDING), slice(PADDING, -PADDING)
 
 
-@numba.njit(cache=True)
 def is_near_null(d: Float, flags: Flags, period: float) -> bool:
     """Whether all nodes are within a quarter period (no edge jumps) and holes too few to cut off a region."""
-    holes, limit = 0, period / 4
-    for row in range(PADDING, d.shape[0] - PADDING):
-        far = 0
-        for col in range(PADDING, d.shape[1] - PADDING):
-            good = flags[row, col] == 0
-            # nodes covered by coded strips are whole edges of the view, which cut nothing off
-            holes += not good and not (flags[row, col] & _OUTSIDE)
-            far += good and max(abs(d[row, col, 0]), abs(d[row, col, 1])) > limit
-        if far > 0 or holes > 3:
-            return False
-    return True
+    inner, limit = flags[_INNER], period / 4
+    bad = inner != 0
+    # nodes covered by coded strips are whole edges of the view, which cut nothing off
+    if np.count_nonzero(bad & ((inner & np.uint16(_OUTSIDE)) == 0)) > 3:
+        return False
+    if d.max() <= limit and d.min() >= -limit:
+        return True
+    far = np.abs(d[_INNER]) > limit
+    return not ((far[..., 0] | far[..., 1]) & ~bad).any()
 
 
-@numba.njit(cache=True)
-def _reaches_guess(
-    seed: int,
-    d: Float,
-    sigma: Float,
-    flags: Flags,
-    guess: Float,
-    period: float,
-    path: Ints,
-    label: Ints,
-    begin: int,
-) -> tuple[bool, int]:
-    """(Whether edges that give order lead from a node to one with a guess, end in `path` of its region).
-
-    label: 1 for nodes on the path, 2 for those known to reach a guess. No edge jumps. The region begins at
-    `begin`; as many nodes as `FEW` are taken not to reach any.
-    """
-    cols = label.shape[1]
-    scale, highest, end = 508.0 / period, int(STEEPEST * 254), begin + 1
-    path[begin], label[seed // cols, seed % cols] = seed, 1
-    at = begin
-    while at < end and end - begin < FEW:
-        row, col = path[at] // cols + PADDING, path[at] % cols + PADDING
-        at += 1
-        for way in range(4):
-            b, a = row + (way == 1) - (way == 3), col + (way == 0) - (way == 2)
-            if flags[b, a] != 0 or label[b - PADDING, a - PADDING] == 1:
-                continue
-            steep = 0.0
-            for k in range(2):
-                steep = max(steep, abs(d[b, a, k] - d[row, col, k]) + (sigma[b, a, k] + sigma[row, col, k]))
-            if int(steep * scale) > highest:
-                continue
-            if label[b - PADDING, a - PADDING] == 2 or math.isfinite(guess[b, a, 0] + guess[b, a, 1]):
-                for node in path[begin:end]:
-                    label[node // cols, node % cols] = 2
-                return True, end
-            path[end], label[b - PADDING, a - PADDING] = (b - PADDING) * cols + a - PADDING, 1
-            end += 1
-    return False, end
-
-
-@numba.njit(cache=True)
-def settle_known_order(
-    d: Float, sigma: Float, flags: Flags, guess: Float, period: float, path: Ints, label: Ints
-) -> bool:
+def settle_known_order(d: Float, sigma: Float, flags: Flags, guess: Float, period: float) -> bool:
     """Do what unwrapping does where all nodes are within a quarter period of 0 and of what is expected.
 
     No edge jumps then, and order 0 is right in all regions with a guess. A few nodes may have none and not be
-    joined to any that has: they stay ambiguous. False, and nothing is done, for any other residual.
+    joined to any that has: they become ambiguous. False, and nothing is done, for any other residual.
     """
-    rows, cols, limit = d.shape[0], d.shape[1], period / 4
-    label[:] = 0
-    border = cut_off = 0
-    for row in range(PADDING, rows - PADDING):
-        for col in range(PADDING, cols - PADDING):
-            if flags[row, col] != 0:
-                continue
-            for k in range(2):
-                far = abs(d[row, col, k] - guess[row, col, k]) >= limit  # not without a guess
-                if far or not abs(d[row, col, k]) < limit:
-                    return False
-            border += row in (PADDING, rows - PADDING - 1) or col in (PADDING, cols - PADDING - 1)
-    for row in range(PADDING, rows - PADDING):
-        for col in range(PADDING, cols - PADDING):
-            r, c = row - PADDING, col - PADDING
-            known = math.isfinite(guess[row, col, 0] + guess[row, col, 1])
-            if flags[row, col] != 0 or known or label[r, c] != 0:
-                continue
-            seed = r * label.shape[1] + c
-            reaches, end = _reaches_guess(seed, d, sigma, flags, guess, period, path, label, cut_off)
-            if reaches:
-                continue
-            # more nodes than these might settle their order by the view's border
-            if end - cut_off >= min(FEW, BORDER_SHARE * border):
-                return False
-            cut_off = end
-    for node in path[:cut_off]:
-        flags[node // label.shape[1] + PADDING, node % label.shape[1] + PADDING] |= AMBIGUOUS
+    d, sigma, flags, guess = d[_INNER], sigma[_INNER], flags[_INNER], guess[_INNER]
+    good = flags == 0
+    near = (np.abs(d) < period / 4) & ~(np.abs(d - guess) >= period / 4)  # no guess is no difference
+    if not (near[..., 0] & near[..., 1])[good].all():
+        return False
+    known = np.isfinite(guess[..., 0] + guess[..., 1])
+    without = good & ~known
+    if not without.any():
+        return True
+    d, sigma = np.moveaxis(d, -1, 0), np.moveaxis(sigma, -1, 0)
+    number = np.cumsum(without).reshape(without.shape) - 1
+    reaches = np.zeros(np.count_nonzero(without), np.bool_)
+    pairs = []
+    for here, there in EDGES:
+        steep = np.abs(d[there] - d[here]) + (sigma[here] + sigma[there])
+        flat = 508.0 / period * np.maximum(*steep) < int(STEEPEST * 254) + 1
+        joined = good[here] & good[there] & flat
+        reaches[number[here][joined & without[here] & known[there]]] = True
+        reaches[number[there][joined & without[there] & known[here]]] = True
+        both = joined & without[here] & without[there]
+        pairs.append((number[here][both], number[there][both]))
+    one, other = np.concatenate(pairs, axis=1)
+    size = len(reaches), len(reaches)
+    _, region = connected_components(csr_array((np.ones(len(one)), (one, other)), shape=size), directed=False)
+    cut_off = np.bincount(region, weights=reaches) == 0
+    border = sum(map(np.count_nonzero, (good[0], good[-1], good[1:-1, 0], good[1:-1, -1])))
+    # more nodes than these might settle their order by the view's border
+    if (np.bincount(region)[cut_off] >= min(FEW, BORDER_SHARE * border)).any():
+        return False
+    flags[without] |= np.where(cut_off[region], AMBIGUOUS, 0).astype(np.uint16)
     return True

@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
-from zeromethod.arrays import Flags, Float, Mask, Single
+from zeromethod.arrays import Flags, Float, Ints, Mask, Single
 from zeromethod.rig.model import Noise
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.validity import Flag
@@ -32,7 +31,7 @@ class Limits:
 
 
 class Scales(NamedTuple):
-    """Camera noise and limits in the kernels' units; see `Limits`.
+    """Camera noise and limits in the units of residuals; see `Limits`.
 
     still: variance without light, grey^2. per_grey: light's variance per grey. black: grey without light.
     clipped: pixels of a window.
@@ -60,17 +59,24 @@ class Scales(NamedTuple):
         )
 
 
-@numba.njit(cache=True, inline="always")
-def flags_of(sigma: float, amplitude: float, light: float, rest: float, clipped: int, scales: Scales) -> int:
-    """Flags of a node by its larger sigma, smaller amplitude, mean light, light at rest, clipped pixels."""
-    flag = 0
-    if not sigma <= scales.sigma_px or amplitude < scales.visibility * light:
-        flag |= MODULATION
-    if light < scales.light_share * rest:
-        flag |= LIGHT_LOST
-    if clipped > scales.clipped:
-        flag |= SATURATED
-    return flag
+def flags_of(
+    sigma: Float | Single,
+    amplitude: Float | Single,
+    light: Float | Single,
+    rest: Single,
+    clipped: Ints | int,
+    scales: Scales,
+) -> Flags:
+    """Flags of nodes by their larger sigma, smaller amplitude, mean light, light at rest, clipped pixels.
+
+    Arrays (rows, cols); clipped: or 0, for all nodes.
+    """
+    weak = ~(sigma <= scales.sigma_px) | (amplitude < scales.visibility * light)
+    flags: Flags = weak * np.uint16(MODULATION)
+    flags |= (light < scales.light_share * rest) * np.uint16(LIGHT_LOST)
+    if np.any(clipped):
+        flags |= np.greater(clipped, scales.clipped) * np.uint16(SATURATED)
+    return flags
 
 
 @dataclass(frozen=True, slots=True)

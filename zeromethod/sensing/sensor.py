@@ -63,7 +63,7 @@ class Sensor(Protocol):
 class ResidualSensor:
     """Sensor of the residual of images of one shape against one target.
 
-    The constructor compiles. Buffers are reused: one sensor serves one thread.
+    Buffers are reused: one sensor serves one thread.
 
     Parameters
     ----------
@@ -127,9 +127,6 @@ class ResidualSensor:
         self._node_pixels = np.ix_(rows, cols)
         self._out = Residual.empty(grid)
         self._reference_light = np.zeros([n - 2 * PADDING for n in grid.shape], np.float32)
-        self._near_edge = np.zeros(grid.shape, np.bool_)
-        blank = np.zeros(grid.image_shape, np.uint16)
-        self.measure(blank.astype(np.uint8) if bits <= 8 else blank)
 
     @classmethod
     def from_rig(
@@ -211,8 +208,6 @@ class ResidualSensor:
                 f"image: {image.shape} {image.dtype}: {self.grid.image_shape} of uint8 or uint16"
             )
         out = out or self._out
-        if not image.flags.c_contiguous:
-            image = image.copy()
         if light_share is not None:
             image = self._level(image, light_share)
         self._estimator.estimate(image, self._reference_light, out)
@@ -225,7 +220,7 @@ class ResidualSensor:
             period = float(self.grid.period_px)
             if target_rad is not None:
                 take_out(out.d, target_rad, period)
-            flag_light_edges(out.mean, out.modulation, out.d, out.flags, self._black, period, self._near_edge)
+            flag_light_edges(out.mean, out.modulation, out.d, out.flags, self._black, period)
             self._unwrapper.unwrap(out, guess, continued)
         return out
 

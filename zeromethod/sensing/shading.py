@@ -16,9 +16,9 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from zeromethod.arrays import Flags, Float, Mask, Single
+from zeromethod.arrays import Flags, Float, Image, Ints, Mask, Single
+from zeromethod.kernels import kernel, piece, read
 from zeromethod.rig.model import Noise
-from zeromethod.sensing.demodulate import FAST, Image
 from zeromethod.warp.grid import PADDING
 from zeromethod.warp.validity import Flag
 
@@ -36,26 +36,20 @@ STEADY_BEND = 0.01
 the cause: half the bend of the mean that shows one."""
 
 
-@numba.njit(cache=True)
-def _bend(mean: Single, r: int, c: int, way: int) -> float:
-    """Second difference along a row (way 0) or a column (1); 0 where a neighbour is OUTSIDE."""
+_INNER = slice(PADDING, -PADDING), slice(PADDING, -PADDING)
+
+
+@piece
+def _bend(values: Single, r: int, c: int, k: int, way: int) -> float:
+    """Second difference of component k along a row (way 0) or column (1); 0 where a neighbour is OUTSIDE."""
     y, x = way, 1 - way
-    rows, cols = mean.shape
+    rows, cols = values.shape[:2]
     if not (PADDING + y <= r < rows - PADDING - y and PADDING + x <= c < cols - PADDING - x):
         return 0.0
-    return float(mean[r - y, c - x] - 2 * mean[r, c] + mean[r + y, c + x])
+    return float(values[r - y, c - x, k] - 2 * values[r, c, k] + values[r + y, c + x, k])
 
 
-@numba.njit(cache=True)
-def _step(d: Float, flags: Flags, period: float, k: int, r: int, c: int, y: int, x: int) -> float:
-    """Change of d, px, from node (r, c) to (y, x) to the nearest period; 0 where that one is flagged."""
-    if flags[y, x] != 0:
-        return 0.0
-    step = d[y, x, k] - d[r, c, k]
-    return float(step - period * np.rint(step / period))
-
-
-@numba.njit(cache=True)
+@piece
 def leak(modulation: Single, d: Float, flags: Flags, period: float, r: int, c: int, way: int) -> float:
     """Largest leak of the carrier into the mean by the local strain, grey levels.
 
@@ -64,11 +58,15 @@ def leak(modulation: Single, d: Float, flags: Flags, period: float, r: int, c: i
     """
     leaked, y, x = 0.0, way, 1 - way
     first, last = flags[r - 2 * y, c - 2 * x] & OUTSIDE, flags[r + 2 * y, c + 2 * x] & OUTSIDE
-    other = modulation[..., x]
-    beyond = (first | last) and abs(_bend(other, r, c, way)) < STEADY_BEND * other[r, c]
+    beyond = (first | last) and abs(_bend(modulation, r, c, x, way)) < STEADY_BEND * modulation[r, c, x]
     for k in range(2):
-        before = _step(d, flags, period, k, r, c, r - y, c - x)
-        after = _step(d, flags, period, k, r, c, r + y, c + x)
+        before = after = 0.0  # changes of d to the nearest period, unless the neighbour is flagged
+        if flags[r - y, c - x] == 0:
+            before = d[r - y, c - x, k] - d[r, c, k]
+            before -= period * np.rint(before / period)
+        if flags[r + y, c + x] == 0:
+            after = d[r + y, c + x, k] - d[r, c, k]
+            after -= period * np.rint(after / period)
         step = max(abs(before), abs(after))
         if beyond and k == way:
             step = max(step, abs(3 * after + 2 * before if last else 3 * before + 2 * after))
@@ -76,91 +74,92 @@ def leak(modulation: Single, d: Float, flags: Flags, period: float, r: int, c: i
     return leaked
 
 
-@numba.njit(cache=True, fastmath=FAST)
-def _suspects(above: Single, row: Single, below: Single, inside: float, black: float, out: Mask) -> bool:
-    """Nodes of a row with a bend or slope near the limit, by a quick test that ignores the leak; whether any.
-
-    inside: 0 where the row has no other on one side, else 1.
-    """
-    bent, sloping = np.float32(0.3 * LARGEST_BEND), np.float32(1.99 * LARGEST_SLOPE)
-    dark, two, known, last = np.float32(black), np.float32(2), np.float32(inside), row.size - 1
-    for i in range(row.size):
-        bend, slope = known * abs(above[i] - two * row[i] + below[i]), abs(below[i] - above[i])
-        light = row[i] - dark
-        out[i] = (bend > bent * light) | (slope > sloping * light)
-    for i in range(1, last):
-        bend, slope = abs(row[i - 1] - two * row[i] + row[i + 1]), abs(row[i + 1] - row[i - 1])
-        light = row[i] - dark
-        out[i] |= (bend > bent * light) | (slope > sloping * light)
-    found = False
-    for i in range(row.size):
-        found |= out[i]
-    return found
+def _suspects(mean: Single, black: float) -> Mask:
+    """Measured nodes with a bend or slope near the limit, by a quick test that ignores the leak."""
+    light = mean - np.float32(black)
+    bent, sloping, twice = 0.3 * LARGEST_BEND * light, 1.99 * LARGEST_SLOPE * light, 2 * mean
+    near = np.zeros(mean.shape, np.bool_)
+    for first, middle, last in (
+        ((slice(None, -2),), (slice(1, -1),), (slice(2, None),)),
+        ((..., slice(None, -2)), (..., slice(1, -1)), (..., slice(2, None))),
+    ):
+        near[middle] |= np.abs(mean[first] + mean[last] - twice[middle]) > bent[middle]
+        near[middle] |= np.abs(mean[last] - mean[first]) > sloping[middle]
+    # the first and last row have another on one side alone
+    near[0] |= np.abs(mean[1:2] - mean[0]).max(axis=0, initial=0.0) > sloping[0]
+    near[-1] |= np.abs(mean[-2:-1] - mean[-1]).max(axis=0, initial=0.0) > sloping[-1]
+    return near
 
 
-@numba.njit(cache=True)
-def _is_edge(
-    mean: Single, modulation: Single, d: Float, flags: Flags, black: float, period: float, r: int, c: int
-) -> bool:
-    """Whether a node lies next to an edge of the light."""
-    light = max(mean[r, c] - black, 0.0)
-    for way in range(2):
-        y, x = way, 1 - way
-        if flags[r - y, c - x] & OUTSIDE or flags[r + y, c + x] & OUTSIDE:
-            continue
-        bend, slope = abs(_bend(mean, r, c, way)), 0.5 * abs(mean[r + y, c + x] - mean[r - y, c - x])
-        if bend <= LARGEST_BEND * light:
-            before = _bend(mean, r - y, c - x, way)
-            if abs(before) > LARGEST_BEND * light:
-                after = _bend(mean, r + y, c + x, way)
-                if before * after < 0:
-                    bend = min(abs(before), abs(after))
-        if bend <= LARGEST_BEND * light and slope <= LARGEST_SLOPE * light:
-            continue
-        leaked = leak(modulation, d, flags, period, r, c, way)
-        if bend > LARGEST_BEND * light + 4 * leaked or slope > LARGEST_SLOPE * light + 2 * leaked:
-            return True
-    return False
-
-
-@numba.njit(cache=True)
-def flag_light_edges(
-    mean: Single, modulation: Single, d: Float, flags: Flags, black: float, period: float, near: Mask
+@kernel(
+    read(numba.float32, 3),
+    read(numba.float32, 3),
+    read(numba.float64, 3),
+    read(numba.int64, 1),
+    numba.float64,
+    numba.float64,
+    numba.uint16[:, ::1],
+)
+def _flag_edges(
+    mean: Single, modulation: Single, d: Float, nodes: Ints, black: float, period: float, flags: Flags
 ) -> None:
-    """Add LIGHT_LOST to nodes next to an edge of the light. Arrays as in `Residual`, d still wrapped.
+    """Add LIGHT_LOST to those of the nodes, by their flat index, that lie next to an edge of the light.
 
-    near: (rows, cols) work space, False in the padding.
+    mean: (rows, cols, 1).
     """
-    first, last, end = PADDING, flags.shape[0] - PADDING - 1, flags.shape[1] - PADDING
-    rows = np.zeros(flags.shape[0], np.bool_)
-    for r in range(first, last + 1):
-        above, below = mean[max(r - 1, first), first:end], mean[min(r + 1, last), first:end]
-        inside = 1.0 if first < r < last else 0.0
-        rows[r] = _suspects(above, mean[r, first:end], below, inside, black, near[r, first:end])
-    for r in range(first, last + 1):
-        if not (rows[r - 1] or rows[r] or rows[r + 1]):
-            continue
-        for c in range(first, end):
-            if flags[r, c] & LIGHT_LOST:
+    for node in nodes:
+        r, c = node // flags.shape[1], node % flags.shape[1]
+        light = max(mean[r, c, 0] - black, 0.0)
+        for way in range(2):
+            y, x = way, 1 - way
+            if flags[r - y, c - x] & OUTSIDE or flags[r + y, c + x] & OUTSIDE:
                 continue
-            # an edge at the node itself bends its neighbours alone
-            around = near[r, c] | near[r - 1, c] | near[r + 1, c] | near[r, c - 1] | near[r, c + 1]
-            if around and _is_edge(mean, modulation, d, flags, black, period, r, c):
+            bend, slope = (
+                abs(_bend(mean, r, c, 0, way)),
+                0.5 * abs(mean[r + y, c + x, 0] - mean[r - y, c - x, 0]),
+            )
+            if bend <= LARGEST_BEND * light:
+                before, after = _bend(mean, r - y, c - x, 0, way), _bend(mean, r + y, c + x, 0, way)
+                if abs(before) > LARGEST_BEND * light and before * after < 0:
+                    bend = min(abs(before), abs(after))
+            if bend <= LARGEST_BEND * light and slope <= LARGEST_SLOPE * light:
+                continue
+            leaked = leak(modulation, d, flags, period, r, c, way)
+            if bend > LARGEST_BEND * light + 4 * leaked or slope > LARGEST_SLOPE * light + 2 * leaked:
                 flags[r, c] |= LIGHT_LOST
+                break
 
 
-@numba.njit(cache=True, fastmath=True)
+def flag_light_edges(
+    mean: Single, modulation: Single, d: Float, flags: Flags, black: float, period: float
+) -> None:
+    """Add LIGHT_LOST to nodes next to an edge of the light. Arrays as in `Residual`, d still wrapped."""
+    near = np.zeros(flags.shape, np.bool_)
+    near[_INNER] = _suspects(mean[_INNER], black)
+    if near.any():
+        # an edge at the node itself bends its neighbours alone
+        around = near.copy()
+        around[1:] |= near[:-1]
+        around[:-1] |= near[1:]
+        around[:, 1:] |= near[:, :-1]
+        around[:, :-1] |= near[:, 1:]
+        unknown = around[_INNER] & ((flags[_INNER] & np.uint16(LIGHT_LOST)) == 0)
+        r, c = np.nonzero(unknown)
+        nodes = (r + PADDING) * flags.shape[1] + c + PADDING
+        _flag_edges(mean[..., None], modulation, d, nodes, black, period, flags)
+
+
 def level(image: Image, share: Single, black: float, ceiling: int, out: Single) -> None:
     """Grey levels (rows, cols) at light share 1, in `out`; clipped pixels stay at the ceiling.
 
     Pixels that reach the ceiling only by levelling stay just below it, so that they do not count as clipped.
     """
-    dark, most = np.float32(black), np.float32(ceiling - 1)
-    for row in range(out.shape[0]):
-        for col in range(out.shape[1]):
-            grey = np.float32(image[row, col])
-            levelled = min(dark + (grey - dark) / share[row, col], most)
-            out[row, col] = grey if image[row, col] >= ceiling else levelled
+    with np.errstate(divide="ignore", invalid="ignore"):
+        np.divide(image - np.float32(black), share, out=out)
+    out += np.float32(black)
+    np.minimum(out, np.float32(ceiling - 1), out=out)
+    if image.max() >= ceiling:
+        np.copyto(out, image, where=image >= ceiling)
 
 
 def noise_factor(mean_grey: Single, share: Single, noise: Noise) -> Float:

@@ -12,17 +12,18 @@ Quality-guided path following: Ghiglia and Pritt, Two-Dimensional Phase Unwrappi
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
+import cv2
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from zeromethod.arrays import Bytes, Flags, Float
+from zeromethod.arrays import Bytes, Flags, Float, Mask
+from zeromethod.kernels import kernel, read
 from zeromethod.sensing.known_order import (
     AMBIGUOUS,
     AS_GUESSED,
     BORDER_SHARE,
+    EDGES,
     STEEPEST,
     is_near_null,
     settle_known_order,
@@ -34,26 +35,8 @@ MOST_ORDERS = 64
 """Largest order considered, periods."""
 
 BLOCKED = 255
-Ints = NDArray[np.int32]
-Jumps = NDArray[np.int8]
-
-
-class _Work(NamedTuple):
-    """Work space: jumps and costs of edges; label, order and border of nodes; the flood's queue and path.
-
-    border_share: least share of the border's nodes by which a region's order is settled.
-    """
-
-    jumps: Jumps
-    costs: Bytes
-    label: Ints
-    order: Ints
-    border: Bytes
-    head: Ints
-    after: Ints
-    path: Ints
-    votes: Ints
-    border_share: float
+Whole = NDArray[np.int32]
+_INNER = slice(PADDING, -PADDING), slice(PADDING, -PADDING)
 
 
 class Unwrapper:
@@ -63,22 +46,9 @@ class Unwrapper:
     """
 
     def __init__(self, grid: NodeGrid, *, diagonal: bool, parted: bool = False) -> None:
-        rows, cols = (n - 2 * PADDING for n in grid.shape)
         self._period = float(grid.period_px)
         self._diagonal = diagonal
-        self._work = _Work(
-            jumps=np.zeros((2, rows, cols, 2), np.int8),
-            costs=np.full((2, rows, cols), BLOCKED, np.uint8),
-            label=np.zeros((rows, cols), np.int32),
-            order=np.zeros((rows, cols, 2), np.int32),
-            border=np.zeros((rows, cols), np.uint8),
-            head=np.full(BLOCKED, -1, np.int32),
-            after=np.zeros(4 * rows * cols, np.int32),
-            path=np.zeros(rows * cols, np.int32),
-            votes=np.zeros((2, 2 * MOST_ORDERS + 1), np.int32),
-            border_share=0.0 if parted else BORDER_SHARE,
-        )
-        self._no_guess = np.zeros((0, 0, 2))
+        self._border_share = 0.0 if parted else BORDER_SHARE
 
     def unwrap(self, residual: Residual, guess: Float | None = None, continued: Float | None = None) -> None:
         """Unwrap `residual.d` in place and flag nodes that stay ambiguous; near null nothing is to be done.
@@ -88,48 +58,90 @@ class Unwrapper:
         """
         if not is_near_null(residual.d, residual.flags, self._period):
             expected, steps = self._to_carriers(guess), self._to_carriers(continued)
-            given = residual.d, residual.sigma, residual.flags, expected
-            work = self._work
-            if guess is None or not settle_known_order(*given, self._period, work.path, work.label):
-                _unwrap(*given, steps, self._period, work)
+            given = residual.d, residual.sigma, residual.flags
+            if expected is None or not settle_known_order(*given, expected, self._period):
+                unwrap_orders(*given, expected, steps, self._period, self._border_share)
         if self._diagonal:
-            _from_diagonal(residual.d)
+            along, against = residual.d[_INNER][..., 0].copy(), residual.d[_INNER][..., 1].copy()
+            residual.d[_INNER][..., 0] = 0.5 * (along + against)
+            residual.d[_INNER][..., 1] = 0.5 * (along - against)
 
-    def _to_carriers(self, guess: Float | None) -> Float:
-        if guess is None:
-            return self._no_guess
-        guess = np.ascontiguousarray(guess, dtype=np.float64)
-        if not self._diagonal:
+    def _to_carriers(self, guess: Float | None) -> Float | None:
+        if guess is None or not self._diagonal:
             return guess
         return np.stack([guess[..., 0] + guess[..., 1], guess[..., 0] - guess[..., 1]], axis=-1)
 
 
-@numba.njit(cache=True)
-def _from_diagonal(d: Float) -> None:
-    for row in range(PADDING, d.shape[0] - PADDING):
-        for col in range(PADDING, d.shape[1] - PADDING):
-            p, m = d[row, col, 0], d[row, col, 1]
-            d[row, col, 0], d[row, col, 1] = 0.5 * (p + m), 0.5 * (p - m)
+def unwrap_orders(
+    d: Float,
+    sigma: Float,
+    flags: Flags,
+    guess: Float | None,
+    continued: Float | None,
+    period: float,
+    border_share: float,
+) -> None:
+    """Unwrap d and flag what stays ambiguous; arrays (rows, cols, ...) with padding, d and flags in place.
+
+    guess, continued: as for `Unwrapper.unwrap`, along the carriers. border_share: least share of the border's
+    nodes by which a region's order is settled.
+    """
+    whole_flags, flags = flags, flags[_INNER]
+    jumps, costs = np.zeros((2, 2, *flags.shape), np.int32), np.full((2, *flags.shape), BLOCKED, np.uint8)
+    steps = np.zeros((0, 0, 2)) if continued is None else continued
+    _rate_edges(d, sigma, whole_flags, steps, period, jumps, costs)
+    _drop_residues(flags, jumps, costs)
+    wrapped = _by_component(d)
+    label, order = np.zeros(flags.shape, np.int32), np.zeros(wrapped.shape, np.int32)
+    head, after = np.full(BLOCKED, -1, np.int32), np.empty(4 * flags.size, np.int32)
+    count = 1 + _flood(jumps, costs, flags == 0, label, order, head, after)
+    orders, determined = np.zeros((2, count), np.int64), np.zeros(count, np.bool_)
+    if guess is not None:
+        expected = _by_component(guess)
+        known = np.isfinite(expected[0] + expected[1])
+        _, determined, orders = _region_orders(wrapped, expected, known, label, order, period, count)
+    if not determined[1:].all():
+        border = _border(flags)
+        nodes, agreed, nearest = _region_orders(wrapped, None, border, label, order, period, count)
+        orders = np.where(determined, orders, nearest)
+        determined |= agreed & (nodes >= border_share * np.count_nonzero(border))
+    orders[:, 0], determined[0] = 0, True  # flagged nodes, of no region
+    order += orders[:, label]
+    flags |= (~determined * np.uint16(AMBIGUOUS))[label]
+    _flag_disagreement(flags, jumps, costs, order)
+    d[_INNER] += period * np.moveaxis(order, 0, -1)
 
 
-@numba.njit(cache=True)
+def _by_component(field: Float) -> Float:
+    """(2, rows, cols) of the measurable nodes of a field (rows, cols, 2) with padding."""
+    return np.ascontiguousarray(np.moveaxis(field[_INNER], -1, 0))
+
+
+@kernel(
+    read(numba.float64, 3),
+    read(numba.float64, 3),
+    read(numba.uint16, 2),
+    read(numba.float64, 3),
+    numba.float64,
+    numba.int32[:, :, :, ::1],
+    numba.uint8[:, :, ::1],
+)
 def _rate_edges(
-    d: Float, sigma: Float, flags: Flags, continued: Float, period: float, jumps: Jumps, costs: Bytes
+    d: Float, sigma: Float, flags: Flags, continued: Float, period: float, jumps: Whole, costs: Bytes
 ) -> None:
     """Jump (periods) and cost (0..254, or BLOCKED) of every edge: to the right (0), downwards (1).
 
-    Where the step is nearly the continued guess's but for whole periods, both are those of the difference: a
-    step of half a period, as the summit of a deep dent has in an open loop, would go either way by noise.
+    Fields with padding, continued (0, 0, 2) for none; jumps (2, 2, rows, cols) and costs (2, rows, cols) of
+    measurable nodes, by way first, all 0 and BLOCKED before. Where the step is nearly the continued guess's
+    but for whole periods, both are those of the difference: a step of half a period, as the summit of a deep
+    dent has in an open loop, would go either way by noise.
     """
-    rows, cols = costs.shape[1:]
     scale, inverse = 508.0 / period, 1.0 / period
     highest = int(STEEPEST * 254)
-    for r in range(rows):
-        for c in range(cols):
+    for r in range(costs.shape[1]):
+        for c in range(costs.shape[2]):
             a, b = r + PADDING, c + PADDING
             for way in range(2):
-                costs[way, r, c] = BLOCKED
-                jumps[way, r, c, 0], jumps[way, r, c, 1] = 0, 0
                 p, q = (a, b + 1) if way == 0 else (a + 1, b)
                 if flags[a, b] | flags[p, q]:
                     continue
@@ -141,203 +153,118 @@ def _rate_edges(
                         if abs(apart - period * np.rint(apart * inverse)) < AS_GUESSED * period:
                             step = apart
                     jump = -np.rint(step * inverse)
-                    jumps[way, r, c, k] = int(jump)
-                    noise = sigma[a, b, k] + sigma[p, q, k]
-                    steep = max(steep, abs(step + jump * period) + noise)
+                    jumps[way, k, r, c] = int(jump)
+                    steep = max(steep, abs(step + jump * period) + (sigma[a, b, k] + sigma[p, q, k]))
                 cost = int(steep * scale)
                 if cost <= highest:
                     costs[way, r, c] = cost
 
 
-@numba.njit(cache=True)
-def _drop_residues(flags: Flags, jumps: Jumps, costs: Bytes) -> None:
+def _drop_residues(flags: Flags, jumps: Whole, costs: Bytes) -> None:
     """Flag the four nodes of every mesh with a residue (jumps that do not close) and block their edges."""
-    rows, cols = costs.shape[1:]
-    right, down = jumps[0], jumps[1]
-    for r in range(rows - 1):
-        for c in range(cols - 1):
-            y, x = r + PADDING, c + PADDING
-            if (flags[y, x] | flags[y, x + 1] | flags[y + 1, x] | flags[y + 1, x + 1]) & ~AMBIGUOUS:
-                continue
-            for k in range(2):
-                if right[r, c, k] + down[r, c + 1, k] - right[r + 1, c, k] - down[r, c, k] != 0:
-                    for b in (y, y + 1):
-                        for a in (x, x + 1):
-                            flags[b, a] |= AMBIGUOUS
-    for r in range(rows):
-        for c in range(cols):
-            here = flags[r + PADDING, c + PADDING]
-            if (here | flags[r + PADDING, c + PADDING + 1]) & AMBIGUOUS:
-                costs[0, r, c] = BLOCKED
-            if (here | flags[r + PADDING + 1, c + PADDING]) & AMBIGUOUS:
-                costs[1, r, c] = BLOCKED
+    right, down = jumps
+    left_over = right[:, :-1, :-1] + down[:, :-1, 1:] - right[:, 1:, :-1] - down[:, :-1, :-1]
+    bad = (flags & ~np.uint16(AMBIGUOUS)) != 0
+    bad_mesh = bad[:-1, :-1] | bad[:-1, 1:] | bad[1:, :-1] | bad[1:, 1:]
+    residue = ~bad_mesh & (left_over != 0).any(axis=0)
+    for rows in (slice(None, -1), slice(1, None)):
+        for cols in (slice(None, -1), slice(1, None)):
+            flags[rows, cols][residue] |= np.uint16(AMBIGUOUS)
+    ambiguous = (flags & np.uint16(AMBIGUOUS)) != 0
+    for way, (here, there) in enumerate(EDGES):
+        costs[way][here][ambiguous[here] | ambiguous[there]] = BLOCKED
 
 
-@numba.njit(cache=True)
-def _mark(flags: Flags, border: Bytes, r: int, c: int, stack: Ints, top: int) -> int:
-    """Mark a node not yet marked: 1 valid, 2 invalid, which goes onto the stack; the stack's height."""
-    if border[r, c] == 0:
-        border[r, c] = 1 if flags[r + PADDING, c + PADDING] & ~AMBIGUOUS == 0 else 2
-        if border[r, c] == 2:
-            stack[top] = r * border.shape[1] + c
-            return top + 1
-    return top
+def _border(flags: Flags) -> Mask:
+    """Valid nodes at the view's border or next to invalid nodes joined to it."""
+    invalid = (flags & ~np.uint16(AMBIGUOUS)) != 0
+    beyond = np.pad(invalid, 1, constant_values=True)  # all round the view
+    _, labels = cv2.connectedComponents(beyond.view(np.uint8), connectivity=8)
+    joined = (labels == labels[0, 0]).astype(np.uint8)
+    near: Mask = cv2.dilate(joined, np.ones((3, 3), np.uint8))[1:-1, 1:-1] != 0
+    return np.asarray(near & ~invalid)
 
 
-@numba.njit(cache=True)
-def _mark_border(flags: Flags, border: Bytes, stack: Ints) -> int:
-    """Mark (1) the valid nodes at the view's border or next to invalid nodes joined to it; their number."""
-    rows, cols = border.shape
-    border[:] = 0
-    top = 0
-    for r in range(rows):
-        step = 1 if r in (0, rows - 1) else max(cols - 1, 1)
-        for c in range(0, cols, step):
-            top = _mark(flags, border, r, c, stack, top)
-    while top > 0:
-        top -= 1
-        r, c = stack[top] // cols, stack[top] % cols
-        for y in range(max(r - 1, 0), min(r + 2, rows)):
-            for x in range(max(c - 1, 0), min(c + 2, cols)):
-                top = _mark(flags, border, y, x, stack, top)
-    return int(np.sum(border == 1))
+@kernel(
+    read(numba.int32, 4),
+    read(numba.uint8, 3),
+    read(numba.boolean, 2),
+    numba.int32[:, ::1],
+    numba.int32[:, :, ::1],
+    numba.int32[::1],
+    numba.int32[::1],
+)
+def _flood(
+    jumps: Whole, costs: Bytes, valid: Mask, label: Whole, order: Whole, head: Whole, after: Whole
+) -> int:
+    """Carry the order from a first node through each region of valid nodes; number of regions.
 
-
-@numba.njit(cache=True)
-def _flood(seed: int, mark: int, work: _Work) -> int:
-    """Carry the order from `seed` through its region; `work.path` receives its nodes; their number.
-
-    The queue of edges is 255 stacks (`head`, empty before and after), one per cost; an edge is
-    4 x its source + its way.
+    label: (rows, cols) of zeros, becomes the region of each node, 1 and up. order: (2, rows, cols). The queue
+    of edges is 255 stacks (`head`, -1 before and after), one per cost; an edge is 4 x its source + its way.
     """
-    jumps, costs, label, order = work.jumps, work.costs, work.label, work.order
-    head, after, path = work.head, work.after, work.path
-    cols = label.shape[1]
-    lowest, count = BLOCKED, 0
-    node = seed
-    r, c = node // cols, node % cols
-    order[r, c, 0], order[r, c, 1] = 0, 0
-    while True:
-        label[r, c] = mark
-        path[count] = node
-        count += 1
-        for way in range(4):
-            y, x = r - (way == 3), c - (way == 2)
-            if y < 0 or x < 0:
-                continue
-            cost = costs[way & 1, y, x]
-            to_r, to_c = r + (way == 1) - (way == 3), c + (way == 0) - (way == 2)
-            if cost == BLOCKED or label[to_r, to_c] != 0:
-                continue
-            edge = 4 * node + way
-            after[edge] = head[cost]
-            head[cost] = edge
-            lowest = min(lowest, cost)
-        found = False
-        while lowest < BLOCKED and not found:
-            edge = head[lowest]
-            if edge < 0:
-                lowest += 1
-                continue
-            head[lowest] = after[edge]
-            way, source = edge & 3, edge >> 2
-            y, x = source // cols, source % cols
-            r, c = y + (way == 1) - (way == 3), x + (way == 0) - (way == 2)
-            if label[r, c] == 0:
-                found = True
-                node = r * cols + c
-                ey, ex, sign = (y, x, 1) if way < 2 else (r, c, -1)
-                for k in range(2):
-                    order[r, c, k] = order[y, x, k] + sign * jumps[way & 1, ey, ex, k]
-        if not found:
-            return count
-
-
-@numba.njit(cache=True)
-def _winner(votes: Ints) -> tuple[int, int]:
-    """(order with most votes, its votes) of one component."""
-    best = int(np.argmax(votes))
-    return best - MOST_ORDERS, int(votes[best])
-
-
-@numba.njit(cache=True)
-def _region_order(
-    d: Float, guess: Float, period: float, work: _Work, least_nodes: float, region: Ints
-) -> tuple[bool, int, int]:
-    """(whether at least `least_nodes` of a region count and most of them agree, the orders to add).
-
-    Nodes with a guess count, and agree when they then lie within a quarter period of it. Without any guess
-    (of size 0) those at the border count, and are brought nearest to zero.
-    """
-    order, votes, guessed = work.order, work.votes, guess.size > 0
-    votes[:] = 0
-    nodes = 0
-    for node in region:
-        r, c = node // order.shape[1], node % order.shape[1]
-        a, b = r + PADDING, c + PADDING
-        if not (np.isfinite(guess[a, b, 0] + guess[a, b, 1]) if guessed else work.border[r, c] == 1):
-            continue
-        nodes += 1
-        for k in range(2):
-            away = ((guess[a, b, k] if guessed else 0.0) - d[a, b, k]) / period
-            orders = int(np.rint(away - order[r, c, k]))
-            close = not guessed or abs(away - order[r, c, k] - orders) < 0.25
-            if close and abs(orders) <= MOST_ORDERS:
-                votes[k, orders + MOST_ORDERS] += 1
-    (nu, most_u), (nv, most_v) = _winner(votes[0]), _winner(votes[1])
-    return nodes >= least_nodes and 2 * min(most_u, most_v) > nodes, nu, nv
-
-
-@numba.njit(cache=True)
-def _flag_disagreement(flags: Flags, jumps: Jumps, costs: Bytes, label: Ints, order: Ints) -> None:
-    """Flag both ends of every edge whose jump differs from the flood's."""
-    rows, cols = label.shape
-    for r in range(rows):
-        for c in range(cols):
-            for way in range(2):
-                if costs[way, r, c] == BLOCKED:
-                    continue
-                y, x = (r, c + 1) if way == 0 else (r + 1, c)
-                for k in range(2):
-                    if order[y, x, k] - order[r, c, k] != jumps[way, r, c, k]:
-                        flags[r + PADDING, c + PADDING] |= AMBIGUOUS
-                        flags[y + PADDING, x + PADDING] |= AMBIGUOUS
-
-
-@numba.njit(cache=True)
-def _unwrap(
-    d: Float, sigma: Float, flags: Flags, guess: Float, continued: Float, period: float, work: _Work
-) -> None:
-    jumps, costs, label, order = work.jumps, work.costs, work.label, work.order
-    rows, cols = label.shape
-    _rate_edges(d, sigma, flags, continued, period, jumps, costs)
-    _drop_residues(flags, jumps, costs)
-    border_nodes = _mark_border(flags, work.border, work.path)
-    label[:] = 0
-    order[:] = 0
-    mark = 0
-    for seed in range(rows * cols):
+    cols, mark = label.shape[1], 0
+    for seed in range(label.size):
         r, c = seed // cols, seed % cols
-        if label[r, c] != 0 or flags[r + PADDING, c + PADDING] != 0:
+        if label[r, c] != 0 or not valid[r, c]:
             continue
         mark += 1
-        count = _flood(seed, mark, work)
-        region = work.path[:count]
-        determined, nu, nv = False, 0, 0
-        if guess.size > 0:
-            determined, nu, nv = _region_order(d, guess, period, work, 0.0, region)
-        if not determined:
-            least = work.border_share * border_nodes
-            determined, nu, nv = _region_order(d, np.zeros((0, 0, 2)), period, work, least, region)
-        for node in region:
-            y, x = node // cols, node % cols
-            order[y, x, 0] += nu
-            order[y, x, 1] += nv
-            if not determined:
-                flags[y + PADDING, x + PADDING] |= AMBIGUOUS
-    _flag_disagreement(flags, jumps, costs, label, order)
-    for r in range(rows):
-        for c in range(cols):
-            if label[r, c] != 0:
-                for k in range(2):
-                    d[r + PADDING, c + PADDING, k] += period * order[r, c, k]
+        lowest, found = BLOCKED, True
+        while found:
+            label[r, c] = mark
+            for way in range(4):
+                y, x = r - (way == 3), c - (way == 2)
+                if y < 0 or x < 0:
+                    continue
+                cost = costs[way & 1, y, x]
+                if cost == BLOCKED or label[r + (way == 1) - (way == 3), c + (way == 0) - (way == 2)] != 0:
+                    continue
+                edge = 4 * (r * cols + c) + way
+                after[edge] = head[cost]
+                head[cost] = edge
+                lowest = min(lowest, cost)
+            found = False
+            while lowest < BLOCKED and not found:
+                edge = head[lowest]
+                if edge < 0:
+                    lowest += 1
+                    continue
+                head[lowest] = after[edge]
+                way, source = edge & 3, edge >> 2
+                y, x = source // cols, source % cols
+                r, c = y + (way == 1) - (way == 3), x + (way == 0) - (way == 2)
+                if label[r, c] == 0:
+                    found = True
+                    ey, ex, sign = (y, x, 1) if way < 2 else (r, c, -1)
+                    for k in range(2):
+                        order[k, r, c] = order[k, y, x] + sign * jumps[way & 1, k, ey, ex]
+    return mark
+
+
+def _region_orders(
+    d: Float, guess: Float | None, counts: Mask, label: Whole, order: Whole, period: float, regions: int
+) -> tuple[NDArray[np.intp], Mask, NDArray[np.intp]]:
+    """(Nodes that count, whether most of them agree, orders to add (2, n)) of every region by its label.
+
+    counts: (rows, cols) nodes that do; those without a region are numbered 0. They agree when they then lie
+    within a quarter period of the guess. Without a guess they are brought nearest to zero.
+    """
+    nodes = np.bincount((label * counts).ravel(), minlength=regions)
+    away = ((0.0 if guess is None else guess) - d) / period - order
+    whole = np.rint(away)
+    votes_for = counts & (np.abs(whole) <= MOST_ORDERS)
+    if guess is not None:
+        votes_for &= np.abs(away - whole) < 0.25
+    choices = 2 * MOST_ORDERS + 1
+    place = choices * (label * votes_for) + np.where(votes_for, whole, 0.0).astype(np.int64) + MOST_ORDERS
+    votes = np.stack([np.bincount(one.ravel(), minlength=regions * choices) for one in place])
+    votes = votes.reshape(2, regions, choices)
+    return nodes, 2 * votes.max(axis=2).min(axis=0) > nodes, votes.argmax(axis=2) - MOST_ORDERS
+
+
+def _flag_disagreement(flags: Flags, jumps: Whole, costs: Bytes, order: Whole) -> None:
+    """Flag both ends of every edge whose jump differs from the flood's."""
+    for way, (here, there) in enumerate(EDGES):
+        differs = order[there] - order[here] != jumps[way][here]
+        torn = (costs[way][here] != BLOCKED) & (differs[0] | differs[1])
+        flags[here][torn] |= np.uint16(AMBIGUOUS)
+        flags[there][torn] |= np.uint16(AMBIGUOUS)

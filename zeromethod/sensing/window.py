@@ -10,13 +10,26 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from zeromethod.arrays import Float
+from zeromethod.arrays import Float, Single
 
 
 def triangle(period_px: int) -> Float:
     """(2 P - 1,) weights of the window along one axis, offsets -(P - 1) .. P - 1 px; sum 1."""
     offset = np.arange(1 - period_px, period_px)
     return (period_px - np.abs(offset)) / period_px**2
+
+
+def sums_along(values: Single, taps: Single) -> Single:
+    """Sums over windows of two periods every half period along the last axis: (m, ..., nodes).
+
+    values: (..., px), in whole half periods. taps: (m, 2 P) weights; the first window begins at pixel 0.
+    """
+    count, half = len(taps), taps.shape[1] // 4
+    quarters = taps.reshape(count, 4, half).swapaxes(0, 1).reshape(4 * count, half)
+    # what each block of half a period adds to the four windows that share it
+    parts = (quarters @ values.reshape(-1, half).T).reshape(4, count, *values.shape[:-1], -1)
+    last = parts.shape[-1] - 3
+    return np.asarray(sum(parts[k, ..., k : last + k] for k in range(4)))
 
 
 def transfer(period_px: int, cycles_per_px: ArrayLike) -> Float:

@@ -5,14 +5,27 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from zeromethod.arrays import Image, Single
+from zeromethod.arrays import Flags, Image, Single
+from zeromethod.kernels import kernel, read
 from zeromethod.rig.model import Rig
 
 _STREAM = 3
 _PATTERN_STREAM = 4
 
 
-@numba.njit(cache=True, fastmath=True)
+@kernel(
+    read(numba.float32, 2),
+    read(numba.float32, 2),
+    read(numba.float32, 2),
+    read(numba.float32, 2),
+    numba.float64,
+    numba.float64,
+    numba.float64,
+    numba.float64,
+    numba.float64,
+    numba.uint16[:, ::1],
+    fastmath=True,
+)
 def _expose(
     light: Single,
     normal: Single,
@@ -23,8 +36,9 @@ def _expose(
     read: float,
     grey_per_electron: float,
     full: float,
-    out: Image,
+    out: Flags,
 ) -> None:
+    """Grey levels (rows, cols) by light, standard normal noise, and each pixel's gain and black level."""
     for row in range(light.shape[0]):
         for col in range(light.shape[1]):
             signal = gain[row, col] * light[row, col] * peak
@@ -73,7 +87,7 @@ class Sensor:
         if self.noisy:
             seeds = np.random.SeedSequence((self._seed & (2**64 - 1), self._stream, number & (2**64 - 1)))
             np.random.Generator(np.random.SFC64(seeds)).standard_normal(dtype=np.float32, out=self._normal)
-        out = np.empty(light.shape, dtype=self._dtype)
+        out = np.empty(light.shape, np.uint16)
         pattern, noise = (self._gain, self._offset), (self._read, self._grey_per_electron)
         _expose(light, self._normal, *pattern, self._peak, self._black, *noise, self._full, out)
-        return out
+        return out.astype(self._dtype, copy=False)
