@@ -216,7 +216,7 @@ def second_reflection(places: Places, usable: Mask, limit_share: float) -> tuple
     chi2 = np.where(usable, places.chi2, np.float32(0.0))
     stiffness = np.where(usable, places.stiffness, np.float32(0.0))
     count, stiff, found, agree = (
-        np.asarray(cv2.boxFilter(np.float32(part), -1, (POOL_PX,) * 2, normalize=False))
+        np.asarray(cv2.boxFilter(part.astype(np.float32), -1, (POOL_PX,) * 2, normalize=False))
         for part in (usable, stiffness, chi2, chi2 > usual)
     )
     # coherent errors go as a squared sine over the view: half its mean square scatters
