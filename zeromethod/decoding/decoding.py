@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from functools import cache
 from itertools import islice
 
-import numba
 import numpy as np
 
 from zeromethod.arrays import Float, Image, Mask, Single
@@ -189,39 +188,24 @@ class _Sums:
             np.maximum(self.moved, np.hypot(*(phasor - first)), out=self.moved)
 
 
-@numba.njit(cache=True)
 def phase_squares(turn: Float | Single) -> Float:
-    """Squared fourth differences of phases (n,), turns, over their 70: white noise's variance, (n - 4,).
+    """Squared fourth differences of phases (..., n), turns, over 70: white noise's variance (..., n - 4).
 
     A phase that is smooth over five pixels falls out.
     """
-    out = np.empty(max(len(turn) - 4, 0))
-    for i in range(len(out)):
-        one = turn[i] - 2.0 * turn[i + 1] + turn[i + 2]
-        two = turn[i + 1] - 2.0 * turn[i + 2] + turn[i + 3]
-        three = turn[i + 2] - 2.0 * turn[i + 3] + turn[i + 4]
-        fourth = one - np.rint(one) - 2.0 * (two - np.rint(two)) + (three - np.rint(three))
-        out[i] = fourth * fourth / 70.0
-    return out
-
-
-@numba.njit(cache=True)
-def _add_neighbour_scatter(turn: Single, phasor: Single, share: float, out: Single) -> None:
-    """Add the noise variance, grey^2, of each pixel's neighbours along the row; turn, out: (rows, cols)."""
-    rows, cols = turn.shape
-    for j in range(rows):
-        squares = phase_squares(turn[j])
-        for i in range(cols):
-            power = phasor[0, j, i] ** 2 + phasor[1, j, i] ** 2
-            if cols > 4:
-                out[j, i] += squares[min(max(i - 2, 0), cols - 5)] * power / share
+    second = np.diff(turn.astype(np.float64), n=2)
+    fourth = np.diff(second - np.rint(second), n=2)
+    return np.asarray(fourth**2 / 70.0)
 
 
 def _neighbour_scatter(phasor: Single, solve: Float, out: Single) -> None:
     """Add the noise variance, grey^2, of a phasor (2, rows, cols), from neighbouring pixels' phases."""
+    if phasor.shape[2] <= 4:
+        return
     turn = np.arctan2(phasor[1], phasor[0]) * np.float32(0.5 / np.pi)
     share = float(np.mean(np.sum(solve[1:3] ** 2, axis=1))) / (2 * np.pi) ** 2
-    _add_neighbour_scatter(turn, phasor, share, out)
+    squares = np.pad(phase_squares(turn), ((0, 0), (2, 2)), mode="edge")
+    out += squares * (phasor[0] ** 2 + phasor[1] ** 2) / share
 
 
 def _second_harmonic(phasors: Single) -> Float:

@@ -17,9 +17,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Any
 
-import numba
 import numpy as np
 from scipy.special import chdtr, chdtri
 
@@ -165,113 +163,50 @@ def _scatter(waves: Waves, tables: Single, in_row: Mask) -> Float:
         return found
     for n, row in enumerate(found):
         turn, variance = waves.turn[n, 0], waves.variance[n, 0]
-        ratio = phase_squares(_corrected(turn, tables[n]))[in_row] * (2 * np.pi) ** 2
+        ratio = phase_squares(corrected(turn, tables[n]))[in_row] * (2 * np.pi) ** 2
         ratio /= variance[2:-2][in_row]
         usual = max(float(np.median(ratio)) / float(chdtri(1, 0.5)), _LEAST_FACTOR)
-        squares, count = _by_bin(turn[2:-2][in_row], ratio / usual, waves.folds)
+        at = bin_of(turn[2:-2][in_row], waves.folds)
+        count = np.bincount(at, minlength=BINS)
+        squares = np.bincount(at, np.minimum(ratio / usual, _CLIP), BINS)
         row[:] = usual * np.where(count >= _LEAST_IN_BIN, squares / np.maximum(count, 1) / _CLIPPED, 1.0)
     return np.maximum(found, _LEAST_FACTOR)
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _corrected(turn: Single, table: Single) -> Float:
-    out = np.empty(len(turn))
-    for i in range(len(turn)):
-        out[i] = corrected(turn[i], table)
-    return out
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _by_bin(turn: Single, squares: Float, folds: int) -> tuple[Float, Ints]:
-    """Sum of the squares, clipped, and their number, of every part of a fold."""
-    total, count = np.zeros(BINS), np.zeros(BINS, np.int64)
-    for i in range(len(turn)):
-        n = bin_of(turn[i], folds)
-        total[n] += min(squares[i], _CLIP)
-        count[n] += 1
-    return total, count
-
-
-@numba.njit(cache=True)
 def _score(chi2: Single, cap: float) -> float:
-    """Mean disagreement (1, n), to which no pixel adds more than `cap`; NaN does not count."""
-    total, count = 0.0, 0
-    for value in chi2[0]:
-        if not np.isnan(value):
-            total += min(value, cap)
-            count += 1
-    return total / max(count, 1)
+    """Mean disagreement, to which no pixel adds more than `cap`; NaN does not count."""
+    known = chi2[~np.isnan(chi2)]
+    return float(np.minimum(known, cap).sum(dtype=np.float64)) / max(len(known), 1)
 
 
 def _misfits(waves: Waves, places: Places, tables: Single) -> tuple[Float, Float, Float]:
     """Distance of every period's place from the mean, px, its weight, and its phase, turns: (periods, n)."""
-    known: Any = np.isfinite(places.x_px[0])
-    if known.all():
-        known = slice(None)
-    x = places.x_px[0, known]
-    off_px, weight, turn = np.empty((3, len(tables), len(x)))
-    for n, period in enumerate(waves.periods_px):
-        seen, variance = waves.turn[n, 0, known], waves.variance[n, 0, known]
-        _misfit(
-            seen, variance, waves.factor[n], waves.folds, tables[n], period, x, off_px[n], weight[n], turn[n]
-        )
-    return off_px, weight, turn
+    known = np.isfinite(places.x_px[0])
+    periods, x = waves.periods_px[:, None], places.x_px[0, known]
+    turn, variance = (part[:, 0, known].astype(np.float64) for part in waves.corrected(tables))
+    off = turn - x / periods
+    return (off - np.rint(off)) * periods, (2 * np.pi / periods) ** 2 / variance, turn
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _misfit(
-    seen: Single,
-    variance: Single,
-    factor: Single,
-    folds: int,
-    table: Single,
-    period: float,
-    x_px: Float,
-    off_px: Float,
-    weight: Float,
-    turn: Float,
-) -> None:
-    """`_misfits` of one period, into off_px, weight and turn (n,)."""
-    wave2 = (2 * np.pi / period) ** 2
-    for i in range(len(seen)):
-        turn[i] = corrected(seen[i], table)
-        off = turn[i] - x_px[i] / period
-        off_px[i] = (off - np.rint(off)) * period
-        weight[i] = wave2 / (variance[i] * factor[bin_of(seen[i], folds)])
-
-
-@numba.njit(cache=True, error_model="numpy")
 def _normal(off_px: Float, weight: Float, lever: Float) -> tuple[Float, Float]:
     """Both sides of the shares' equations, (parts, periods, periods) and (parts, periods)."""
     count, pixels = off_px.shape
-    square, right = np.zeros((_PARTS, count, count)), np.zeros((_PARTS, count))
-    pull = np.empty(count)
-    for i in range(pixels):
-        part = i * _PARTS // pixels
-        total = 0.0
-        for n in range(count):
-            pull[n] = weight[n, i] * lever[n, i]
-            total += weight[n, i]
-        for n in range(count):
-            right[part, n] += pull[n] * off_px[n, i]
-            square[part, n, n] += pull[n] * lever[n, i]
-            for m in range(count):
-                square[part, n, m] -= pull[n] * pull[m] / total
+    square, right = np.empty((_PARTS, count, count)), np.empty((_PARTS, count))
+    pull, total = weight * lever, weight.sum(axis=0)
+    for part, at in enumerate(np.array_split(np.arange(pixels), _PARTS)):
+        right[part] = np.sum(pull[:, at] * off_px[:, at], axis=1)
+        own = np.sum(pull[:, at] * lever[:, at], axis=1)
+        square[part] = np.diag(own) - (pull[:, at] / total[at]) @ pull[:, at].T
     return square, right
 
 
-@numba.njit(cache=True)
 def _solved(square: Float, right: Float) -> tuple[Float, Float]:
     """The shares' change, and its scatter over the parts of the view."""
     solve = np.linalg.pinv(square.sum(axis=0))
     step = solve @ right.sum(axis=0)
-    scatter = np.zeros(len(step))
-    for n in range(len(square)):
-        scatter += (solve @ (right[n] - square[n] @ step)) ** 2
-    for n in range(len(step)):
-        # nor less than noise alone leaves it, as where the fringes are all seen at one phase
-        scatter[n] = np.sqrt(max(scatter[n], solve[n, n]))
-    return step, scatter
+    scatter2 = np.sum(((right - square @ step) @ solve.T) ** 2, axis=0)
+    # nor less than noise alone leaves it, as where the fringes are all seen at one phase
+    return step, np.sqrt(np.maximum(scatter2, np.diag(solve)))
 
 
 def _refined(waves: Waves, places: Places, found: Agreement, shifts: int) -> Float:

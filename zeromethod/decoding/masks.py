@@ -14,15 +14,11 @@ Each must both exceed the noise and be large enough to matter.
 
 from __future__ import annotations
 
-import math
-
 import cv2
-import numba
 import numpy as np
 from scipy.special import chdtri, ndtri
 
 from zeromethod.arrays import Float, Image, Mask, Single
-from zeromethod.decoding.consistency import insert_sorted
 from zeromethod.decoding.decoding import Phasors, fit_matrices
 from zeromethod.decoding.noise import NoiseModel
 from zeromethod.decoding.unwrapping import Places
@@ -72,32 +68,6 @@ POOL_AGREES = 0.7
 """Share of a pool's pixels that must disagree more than noise does by median: half do by noise alone."""
 
 
-@numba.njit(cache=True)
-def _median_of_sets(
-    mean: Single, gain: Float, noise: tuple[float, float], share: float, typical: Single, change: Single
-) -> None:
-    """Median over the sets, and the largest departure from it; mean and 0 where they differ too little."""
-    count, rows, cols = mean.shape
-    value = np.empty(count)
-    for j in range(rows):
-        for i in range(cols):
-            least, most, total = math.inf, -math.inf, 0.0
-            for n in range(count):
-                value[n] = mean[n, j, i] * gain[n]
-                least, most = min(least, value[n]), max(most, value[n])
-                total += value[n]
-            middle = total / count
-            change[j, i] = 0.0
-            spread = most - least
-            if spread > share * middle and spread * spread > noise[0] + noise[1] * middle:
-                for n in range(count):
-                    insert_sorted(value, n, value[n])
-                middle = 0.5 * (value[(count - 1) // 2] + value[count // 2])
-                off = max(value[count - 1] - middle, middle - value[0])
-                change[j, i] = off if off > share * middle else 0.0
-            typical[j, i] = middle
-
-
 def some_of(values: Image, where: Mask, most: int = _SAMPLES) -> Image:
     """Values (..., n) of some of the pixels `where`, spread evenly, of values (..., rows, cols)."""
     index = np.flatnonzero(where)
@@ -125,12 +95,25 @@ def median_light(phasors: Phasors, gain: Float, noise: NoiseModel, usual: float)
 
     The change is 0 where it is no more than noise, or than what changes everywhere: `usual`, see `gains`.
     """
-    typical, change = np.empty_like(phasors.mean[0]), np.empty_like(phasors.mean[0])
     within = SIGMAS**2 * mean_noise(phasors)
     limit = within * noise.constant_grey2, within * noise.slope_grey
     share = max(MEAN_SHARE, SIGMAS * usual)
-    _median_of_sets(phasors.mean, 1.0 / gain, limit, share, typical, change)
-    return typical, change
+    flat = phasors.mean.reshape(len(gain), -1)
+    least, most, total = (np.full(flat.shape[1], start) for start in (np.inf, -np.inf, 0.0))
+    for of_set, by in zip(flat, 1.0 / gain, strict=True):
+        value = of_set * by
+        np.minimum(least, value, out=least)
+        np.maximum(most, value, out=most)
+        total += value
+    middle, spread = total / len(gain), most - least
+    at = np.flatnonzero((spread > share * middle) & (spread**2 > limit[0] + limit[1] * middle))
+    typical, change = middle.astype(np.float32), np.zeros(flat.shape[1], np.float32)
+    if len(at):
+        median = np.median(flat[:, at] / gain[:, None], axis=0)
+        off = np.maximum(most[at] - median, median - least[at])
+        typical[at], change[at] = median, np.where(off > share * median, off, 0.0)
+    shape = phasors.mean.shape[1:]
+    return typical.reshape(shape), change.reshape(shape)
 
 
 def mean_noise(phasors: Phasors) -> float:
@@ -138,23 +121,15 @@ def mean_noise(phasors: Phasors) -> float:
     return float(np.sum(fit_matrices(phasors.sequence.shifts_rad)[1][0] ** 2))
 
 
-@numba.njit(cache=True)
-def _powers(cosine: Single, sine: Single, total: Single, least: Single) -> None:
-    """Add the squared amplitudes (periods, rows, cols) to their total, and take the least of them."""
-    for n in range(len(cosine)):
-        for j in range(total.shape[0]):
-            for i in range(total.shape[1]):
-                power = cosine[n, j, i] ** 2 + sine[n, j, i] ** 2
-                total[j, i] += power
-                least[j, i] = min(least[j, i], power)
-
-
 def amplitude(phasors: Phasors) -> tuple[Single, Single]:
     """Amplitude of the fringes, rms over axes and periods, grey; the least, squared (rows, cols)."""
     total = np.zeros_like(phasors.mean[0])
     least = np.full_like(total, np.inf)
     for cosine, sine in zip(phasors.cosine, phasors.sine, strict=True):
-        _powers(cosine, sine, total, least)
+        for c, s in zip(cosine, sine, strict=True):
+            power = c * c + s * s
+            total += power
+            np.minimum(least, power, out=least)
     return np.sqrt(total / sum(map(len, phasors.cosine))), least
 
 
@@ -238,44 +213,22 @@ def second_reflection(places: Places, usable: Mask, limit_share: float) -> tuple
     nearer than about a third of the shortest period shifts all periods equally, like blur, and is not found.
     """
     degrees, usual = places.degrees, float(chdtri(places.degrees, 0.5))
-    sums = np.empty((*usable.shape, 4), np.float32)
-    _to_pool(places.chi2, places.stiffness, usable, usual, sums)
-    sums = np.asarray(cv2.boxFilter(sums, -1, (POOL_PX,) * 2, normalize=False), np.float32)
+    chi2 = np.where(usable, places.chi2, np.float32(0.0))
+    stiffness = np.where(usable, places.stiffness, np.float32(0.0))
+    count, stiff, found, agree = (
+        np.asarray(cv2.boxFilter(part.astype(np.float32), -1, (POOL_PX,) * 2, normalize=False))
+        for part in (usable, stiffness, chi2, chi2 > usual)
+    )
     # coherent errors go as a squared sine over the view: half its mean square scatters
     coherent = 0.5 * (places.coherent * degrees) ** 2
-    share, proven = np.zeros(usable.shape, np.float32), np.zeros_like(usable)
-    _judge_pools(sums, usable, degrees, coherent, share, proven)
+    excess = found - degrees * count
+    doubt2 = (2.0 * degrees + coherent * count) * count
+    real = (excess > 0.0) & (excess**2 > 4.0 * doubt2)
+    share = np.zeros(usable.shape, np.float32)
+    shown = real & (count > _LEAST_POOLED)
+    share[shown] = np.sqrt(2.0 * excess[shown] / np.maximum(stiff[shown], 1e-6 * count[shown]))
+    proven = real & usable & (agree > POOL_AGREES * count) & (excess**2 > SIGMAS**2 * doubt2)
     return share, _extended(proven & (share > limit_share), proven) & usable
-
-
-@numba.njit(cache=True)
-def _to_pool(chi2: Single, stiffness: Single, usable: Mask, usual: float, out: Single) -> None:
-    """Usable pixels, their stiffness and chi2, and those with more than `usual`: (rows, cols, 4)."""
-    for j in range(usable.shape[0]):
-        for i in range(usable.shape[1]):
-            known = usable[j, i]
-            out[j, i, 0] = known
-            out[j, i, 1] = stiffness[j, i] if known else 0.0
-            out[j, i, 2] = chi2[j, i] if known else 0.0
-            out[j, i, 3] = known and chi2[j, i] > usual
-
-
-@numba.njit(cache=True)
-def _judge_pools(
-    sums: Single, usable: Mask, degrees: int, coherent: float, share: Single, proven: Mask
-) -> None:
-    """Share of a second reflection where it is real, and where it is proven; sums: see `_to_pool`."""
-    for j in range(usable.shape[0]):
-        for i in range(usable.shape[1]):
-            count = sums[j, i, 0]
-            excess = sums[j, i, 2] - degrees * count
-            unsure2 = (2.0 * degrees + coherent * count) * count
-            if not (excess > 0.0 and excess * excess > 4.0 * unsure2):
-                continue
-            if count > _LEAST_POOLED:
-                share[j, i] = math.sqrt(2.0 * excess / max(sums[j, i, 1], 1e-6 * count))
-            agree = sums[j, i, 3] > POOL_AGREES * count
-            proven[j, i] = usable[j, i] and agree and excess * excess > SIGMAS**2 * unsure2
 
 
 def _extended(found: Mask, proven: Mask) -> Mask:

@@ -15,7 +15,6 @@ from collections.abc import Sequence
 from functools import cache
 from itertools import combinations
 
-import numba
 import numpy as np
 from scipy.special import erfc
 
@@ -38,28 +37,6 @@ LARGEST_PX = 16384
 """Largest panel considered."""
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _rivals(periods: Float, sigma: Float, size: float) -> tuple[Float, Float]:
-    """Offset D > 0 and d^2 at every near-coincidence up to `size`: one per shortest period."""
-    first = periods[0]
-    most = int(size / first + 0.5)
-    offset, distance = np.empty(most), np.empty(most)
-    found = 0
-    for k in range(1, most + 1):
-        sw = swr = swrr = 0.0
-        for j in range(len(periods)):
-            weight = (2.0 * math.pi / (periods[j] * sigma[j])) ** 2
-            r = np.rint(k * first / periods[j]) * periods[j] - k * first
-            sw += weight
-            swr += weight * r
-            swrr += weight * r * r
-        if k * first + swr / sw <= size:
-            offset[found] = k * first + swr / sw
-            distance[found] = max(swrr - swr * swr / sw, 0.0)
-            found += 1
-    return offset[:found], distance[:found]
-
-
 def rivals(
     periods_px: Sequence[float] | Float, phase_sigma_rad: float | Sequence[float] | Float, size_px: float
 ) -> tuple[Float, Float]:
@@ -67,8 +44,14 @@ def rivals(
     order = np.argsort(periods_px)
     periods = np.asarray(periods_px, dtype=np.float64)[order]
     sigma = np.broadcast_to(np.asarray(phase_sigma_rad, dtype=np.float64), periods.shape)[order]
-    offset, squared = _rivals(periods, np.ascontiguousarray(sigma), float(size_px))
-    return offset, np.sqrt(squared)
+    weight = (2.0 * math.pi / (periods * sigma)) ** 2
+    # one near-coincidence for each whole number of shortest periods
+    whole = periods[0] * np.arange(1, int(size_px / periods[0] + 0.5) + 1)
+    off = np.rint(whole[:, None] / periods) * periods - whole[:, None]
+    step = off @ weight / weight.sum()
+    within = whole + step <= size_px
+    squared = np.maximum(off**2 @ weight - step**2 * weight.sum(), 0.0)
+    return (whole + step)[within], np.sqrt(squared[within])
 
 
 def order_error(
@@ -95,31 +78,19 @@ def unambiguous_range(periods_px: Sequence[float], phase_sigma_rad: float) -> fl
     return max(reach, *periods_px)
 
 
-@numba.njit(cache=True, error_model="numpy")
 def _best(sets: Ints, size: float, enough: float) -> int:
     """Index of the most precise set with rivals `enough` apart, else of the set with the farthest."""
-    best, best_d2, best_weight, safe = 0, -1.0, 0.0, False
-    for n in range(len(sets)):
-        first = float(sets[n, 0])
-        sw = 0.0
-        for j in range(sets.shape[1]):
-            sw += 1.0 / float(sets[n, j]) ** 2
-        if safe and sw <= best_weight:
-            continue
-        least = 1e300
-        for k in range(1, int(size / first + 0.5) + 1):
-            swr = swrr = 0.0
-            for j in range(sets.shape[1]):
-                period = float(sets[n, j])
-                r = np.rint(k * first / period) * period - k * first
-                swr += r / period**2
-                swrr += (r / period) ** 2
-            least = min(least, (2.0 * math.pi) ** 2 * (swrr - swr * swr / sw))
-            if least < enough**2 and (safe or least <= best_d2):
-                break
-        if least >= enough**2 or (not safe and least > best_d2):
-            best, best_d2, best_weight, safe = n, least, sw, least >= enough**2
-    return best
+    periods = np.ascontiguousarray(sets.T, dtype=np.float64)
+    first, weight = periods[0], np.sum(periods**-2.0, axis=0)
+    least = np.full(len(sets), np.inf)
+    for k in range(1, int(size / first.min() + 0.5) + 1):
+        off = (np.rint(k * first / periods) * periods - k * first) / periods
+        squared = (2.0 * math.pi) ** 2 * (
+            np.sum(off**2, axis=0) - np.sum(off / periods, axis=0) ** 2 / weight
+        )
+        np.minimum(least, squared, out=least, where=k <= np.floor(size / first + 0.5))
+    apart = least >= enough**2
+    return int(np.argmax(np.where(apart, weight, -np.inf) if apart.any() else least))
 
 
 @cache

@@ -28,6 +28,7 @@ from zeromethod.arrays import Float, Ints, Mask, Single
 from zeromethod.decoding.decoding import Phasors, fit_matrices
 from zeromethod.decoding.noise import NoiseModel
 from zeromethod.decoding.periods import rivals
+from zeromethod.kernels import kernel, piece, read
 
 TABLE = 512
 """Steps of a turn in a table of phase corrections, between which it is linear."""
@@ -100,7 +101,9 @@ class Waves:
                 c, s = c.ravel()[at][None], s.ravel()[at][None]
             np.arctan2(s, c, out=turn[n])
             turn[n] *= np.float32(0.5 / np.pi)
-            _variance(c, s, grey2, spread.astype(np.float32), variance[n])
+            power = np.maximum(c * c + s * s, np.float32(1e-12))
+            (cc, cs), (_, ss) = spread.astype(np.float32)
+            variance[n] = (s * s * cc - np.float32(2.0) * s * c * cs + c * c * ss) * grey2 / power**2
         folds = len(phasors.sequence.shifts_rad) if phasors.sequence.even else 1
         return cls(periods[order], turn, variance, np.ones((len(order), BINS), np.float32), folds)
 
@@ -108,40 +111,36 @@ class Waves:
         """The same with the variance times `factor` (periods, `BINS`)."""
         return replace(self, factor=factor.astype(np.float32))
 
+    def corrected(self, tables: Single | None) -> tuple[Single, Single]:
+        """Phases plus their tables' corrections, and their variances times their factors."""
+        turn, variance = self.turn, self.variance
+        if tables is not None and tables.any():
+            turn = np.empty_like(turn)
+            for n, table in enumerate(tables):
+                turn[n] = corrected(self.turn[n], table)
+        if not (self.factor == 1.0).all():
+            variance = variance.copy()
+            for n, factor in enumerate(self.factor):
+                variance[n] *= factor[bin_of(self.turn[n], self.folds)]
+        return turn, variance
+
     def part(self, step: int) -> Waves:
         """Every `step`-th pixel along the row."""
         one, other = (np.ascontiguousarray(of[..., ::step]) for of in (self.turn, self.variance))
         return replace(self, turn=one, variance=other)
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _variance(cosine: Single, sine: Single, grey2: Single, spread: Single, out: Single) -> None:
-    """Variance of the phase, rad^2; spread: (2, 2) of cosine and sine for a noise of 1 grey^2."""
-    rows, cols = grey2.shape
-    least = np.float32(1e-12)
-    for j in range(rows):
-        for i in range(cols):
-            c, s = cosine[j, i], sine[j, i]
-            power = max(c * c + s * s, least)
-            along = s * s * spread[0, 0] - (s * c + s * c) * spread[0, 1] + c * c * spread[1, 1]
-            out[j, i] = along * grey2[j, i] / (power * power)
+def bin_of(turn: Single, folds: int) -> Ints:
+    """Numbers, below `BINS`, of the parts of a fold in which phases (n,) lie."""
+    return ((turn.astype(np.float64) + 0.5) * (folds * BINS)).astype(np.int64) % BINS
 
 
-@numba.njit(cache=True, error_model="numpy", inline="always")
-def bin_of(turn: float, folds: int) -> int:
-    """Number, below `BINS`, of the part of a fold in which a phase lies."""
-    return int((turn + 0.5) * (folds * BINS)) % BINS
+def corrected(turn: Single, table: Single) -> Float:
+    """Phases of any shape, turns, plus the correction of a table (`TABLE` + 1,) over the turn from -1/2."""
+    return np.asarray(turn + np.interp(turn, np.linspace(-0.5, 0.5, TABLE + 1), table))
 
 
-@numba.njit(cache=True, error_model="numpy", inline="always")
-def corrected(turn: float, table: Single) -> float:
-    """Phase, turns, plus the correction of a table (`TABLE` + 1,) over the turn from -1/2."""
-    at = (turn + 0.5) * TABLE
-    n = min(max(int(at), 0), TABLE - 1)
-    return float(turn + table[n] + (at - n) * (table[n + 1] - table[n]))
-
-
-@numba.njit(cache=True, error_model="numpy")
+@piece
 def _search(
     turn: Float, weight: Float, spread: float, periods: Float, low: float, high: float
 ) -> tuple[float, float, float, float]:
@@ -168,15 +167,23 @@ def _search(
     return best_order, best_shift, best, second
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel(
+    read(numba.float32, 3),
+    read(numba.float32, 3),
+    read(numba.boolean, 2),
+    read(numba.float64, 1),
+    read(numba.float64, 1),
+    numba.float64,
+    numba.float64,
+    numba.float64,
+    numba.float64[:, ::1],
+    numba.float32[:, :, ::1],
+)
 def _unwrap(
     turns: Single,
     variances: Single,
-    factor: Single,
-    folds: int,
     bright: Mask,
     periods: Float,
-    tables: Single,
     usual: Float,
     separation: float,
     low: float,
@@ -184,15 +191,17 @@ def _unwrap(
     x_px: Float,
     out: Single,
 ) -> None:
-    """Places of all pixels. separation: of rivals where periods have the variance `usual`, rad^2.
+    """Places of all pixels, from phases, turns, and their variances, rad^2.
 
-    out: (6, rows, cols), see `Places`.
+    separation: of rivals where periods have the variance `usual`, rad^2. out: (6, rows, cols), see `Places`.
     """
     count, rows, cols = turns.shape
     turn, weight, inverse = np.empty(count), np.empty(count), np.empty(count)
-    wave2 = (2.0 * math.pi / periods) ** 2
-    per_wave2, single = 1.0 / wave2, np.float32
-    ratio, per_px, per_usual, per_count = periods[0] / periods, 1.0 / periods[0], 1.0 / usual, 1.0 / count
+    wave2, ratio, per_usual = np.empty(count), np.empty(count), np.empty(count)
+    for n in range(count):
+        wave2[n], ratio[n] = (2.0 * math.pi / periods[n]) ** 2, periods[0] / periods[n]
+        per_usual[n] = 1.0 / usual[n]
+    per_px, per_count, single = 1.0 / periods[0], 1.0 / count, np.float32
     known = math.nan
     for j in range(rows):
         for i in range(cols):
@@ -200,8 +209,7 @@ def _unwrap(
                 continue
             total = most = variance = 0.0
             for n in range(count):
-                turn[n] = corrected(turns[n, j, i], tables[n])
-                sigma2 = float(variances[n, j, i]) * factor[n, bin_of(turns[n, j, i], folds)]
+                turn[n], sigma2 = turns[n, j, i], float(variances[n, j, i])
                 inverse[n] = 1.0 / sigma2
                 weight[n] = wave2[n] * inverse[n]
                 total += weight[n]
@@ -229,7 +237,7 @@ def _unwrap(
             for n in range(count):
                 h = weight[n] * spread
                 stiffness += (1.0 - h) * inverse[n]
-                leverage += h * h * per_wave2[n]
+                leverage += h * h / wave2[n]
             x_px[j, i] = x + shift
             out[0, j, i] = math.sqrt(single(spread))
             out[1, j, i] = max(best, 0.0)
@@ -277,16 +285,10 @@ def unwrap(
     out = np.full((6, *bright.shape), np.nan, dtype=np.float32)
     margin = 0.5 * float(periods[0])
     rivalry = rivalry or Rivalry.of(waves, size_px, bright)
-    if tables is None:
-        tables = np.zeros((len(periods), TABLE + 1), np.float32)
     _unwrap(
-        waves.turn,
-        waves.variance,
-        waves.factor,
-        waves.folds,
+        *waves.corrected(tables),
         bright,
         periods,
-        tables,
         rivalry.variance,
         rivalry.separation,
         -margin,

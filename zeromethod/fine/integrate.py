@@ -16,6 +16,7 @@ from scipy.fft import dct, idct, next_fast_len
 
 from zeromethod.arrays import Float, Mask, Single
 from zeromethod.errors import MeasurementError
+from zeromethod.kernels import kernel, read
 from zeromethod.rounding import REORDERED
 
 ENOUGH = 1e-5
@@ -23,23 +24,25 @@ ENOUGH = 1e-5
 _MOST_ITERATIONS = 200
 """Iterations after which it is given up: whole views take 5 to 10, holes and uneven weights up to 50."""
 
-
-@numba.njit(cache=True, fastmath=REORDERED)
-def _go(by: np.float32, way: Single, product: Single, x: Single, left: Single) -> None:
-    """Go a way in x, and take what that makes out of what is left, in place."""
-    for i in range(x.shape[0]):
-        for j in range(x.shape[1]):
-            x[i, j] += by * way[i, j]
-            left[i, j] -= by * product[i, j]
+Part = tuple[slice, slice]
+_ALONG: tuple[tuple[Part, Part], ...] = ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1, :], np.s_[1:, :]))
+"""Pixels that steps across and down lead from, and to."""
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
+@kernel(
+    read(numba.float32, 2),
+    read(numba.float32, 2),
+    read(numba.float32, 2),
+    numba.float32[:, ::1],
+    fastmath=REORDERED,
+)
 def _apply(x: Single, across: Single, down: Single, out: Single) -> float:
     """Laplacian of the weighted steps, out = L x, and x . L x."""
     rows, cols = x.shape
     total = 0.0
     for i in range(rows):
-        out[i] = np.float32(0.0)
+        for j in range(cols):
+            out[i, j] = 0.0
     for i in range(rows):
         energy = 0.0
         for j in range(cols - 1):
@@ -59,32 +62,14 @@ def _apply(x: Single, across: Single, down: Single, out: Single) -> float:
     return total
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _divergence(across: Single, down: Single, of_across: Single, of_down: Single, out: Single) -> None:
-    """Weighted steps (rows, cols-1), (rows-1, cols) that lead to each pixel less those that lead away.
-
-    What has no weight may be NaN, as beyond the mirror's edge, and counts nothing.
-    """
-    rows, cols = out.shape
-    nothing = np.float32(0.0)
-    for i in range(rows):
-        out[i] = np.float32(0.0)
-    for i in range(rows):
-        for j in range(cols - 1):
-            flow = of_across[i, j] * across[i, j] if of_across[i, j] > nothing else nothing
-            out[i, j + 1] += flow
-            out[i, j] -= flow
-        if i + 1 < rows:
-            for j in range(cols):
-                flow = of_down[i, j] * down[i, j] if of_down[i, j] > nothing else nothing
-                out[i + 1, j] += flow
-                out[i, j] -= flow
-
-
 def sources(steps: tuple[Single, Single], weights: tuple[Single, Single]) -> Single:
-    """(rows, cols) of steps and weights, (rows, cols-1) across and (rows-1, cols) down each."""
-    out = np.empty((len(steps[0]), steps[1].shape[1]), np.float32)
-    _divergence(*steps, *weights, out)
+    """(rows, cols) weighted steps leading to each pixel less those away; across (rows, cols-1), and down."""
+    out = np.zeros((len(steps[0]), steps[1].shape[1]), np.float32)
+    for step, weight, (one, other) in zip(steps, weights, _ALONG, strict=True):
+        # what has no weight may be NaN, as beyond the mirror's edge
+        flow = np.where(weight > 0.0, weight * step, np.float32(0.0))
+        out[other] += flow
+        out[one] -= flow
     return out
 
 
@@ -102,24 +87,21 @@ def largest_part(valid: Mask) -> Mask:
     return np.asarray(labels == 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA])))
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _pivots(across: Float, down: Float, waves: Float, inverse: Single) -> None:
+def _pivots(across: Float, down: Float, waves: Float) -> Single:
     """1 over the pivots of each wave's tridiagonal system, (waves, cols); 0 where it leaves a constant open.
 
     across (cols - 1,), down (cols,): weights. waves: eigenvalues of the steps down.
     """
-    cols = len(down)
-    for k in range(len(waves)):
-        last = 0.0
-        for i in range(cols):
-            before = across[i - 1] if i > 0 else 0.0
-            beyond = across[i] if i < cols - 1 else 0.0
-            pivot = before + beyond + waves[k] * down[i] - before * before * last
-            last = 1.0 / pivot if i < cols - 1 or waves[k] > 0.0 else 0.0
-            inverse[k, i] = last
+    around = np.pad(across, 1)
+    inverse, last = np.empty((len(down), len(waves)), np.float32), np.zeros(len(waves))
+    for i, own in enumerate(down):
+        pivot = around[i] + around[i + 1] + waves * own - around[i] ** 2 * last
+        last = 1.0 / pivot if i < len(down) - 1 else np.divide(1.0, pivot, where=waves > 0.0, out=0.0 * waves)
+        inverse[i] = last
+    return np.ascontiguousarray(inverse.T)
 
 
-@numba.njit(cache=True, fastmath={"contract"})
+@kernel(numba.float32[:, ::1], read(numba.float64, 1), read(numba.float32, 2), fastmath={"contract"})
 def _eliminate(waves: Single, across: Float, inverse: Single) -> None:
     """Solve the systems of `_pivots` for each wave's right side (waves, cols), in place."""
     cols = waves.shape[1]
@@ -166,7 +148,9 @@ class PixelIntegrator:
             if not energy > 0.0:
                 break
             by = np.float32(size / energy)
-            _go(by, way, product, x, left)
+            x += by * way
+            product *= by
+            left -= product
             guess = nearly.solved(left)
             before, size = size, _dot(left, guess)
             way *= np.float32(size / before)
@@ -188,8 +172,7 @@ class _Nearly:
         # a transform of 1249 pixels takes five times as long as one of 1250
         fast = next_fast_len(self._count, real=True)
         waves = 2.0 - 2.0 * np.cos(np.pi * np.arange(fast) / fast)
-        self._inverse = np.empty((fast, len(own)), np.float32)
-        _pivots(self._across, own, waves, self._inverse)
+        self._inverse = _pivots(self._across, own, waves)
         self._whole = np.empty_like(self._inverse)
 
     def solved(self, left: Single) -> Single:
@@ -218,47 +201,13 @@ def _dot(one: Single, other: Single) -> float:
     return float(np.vdot(one, other))
 
 
-@numba.njit(cache=True)
-def _gradient(z: Single, x: Single, y: Single, out: Single) -> None:
-    rows, cols = z.shape
-    for j in range(rows):
-        above, below = max(j - 1, 0), min(j + 1, rows - 1)
-        for i in range(cols):
-            left, right = max(i - 1, 0), min(i + 1, cols - 1)
-            xu, xv = x[j, right] - x[j, left], x[below, i] - x[above, i]
-            yu, yv = y[j, right] - y[j, left], y[below, i] - y[above, i]
-            du, dv = z[j, right] - z[j, left], z[below, i] - z[above, i]
-            area = xu * yv - xv * yu
-            out[0, j, i] = (yv * du - yu * dv) / area
-            out[1, j, i] = (xu * dv - xv * du) / area
-
-
 def gradient(depth_mm: Single, x: Single, y: Single) -> Single:
     """Slope (2, rows, cols) of a depth at points x, y, (rows, cols) each."""
-    out = np.empty((2, *depth_mm.shape), np.float32)
-    _gradient(depth_mm, x, y, out)
-    return out
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _weigh(
-    slope2: Single, x: Single, y: Single, scale: Single, valid: Mask, across: Single, down: Single
-) -> None:
-    for j in range(valid.shape[0]):
-        for way, out in ((0, across), (1, down)):
-            below = j + way
-            if below == valid.shape[0]:
-                continue
-            for i in range(out.shape[1]):
-                beyond = i + 1 - way
-                dx, dy = x[below, beyond] - x[j, i], y[below, beyond] - y[j, i]
-                x2, y2 = (
-                    slope2[0, j, i] + slope2[0, below, beyond],
-                    slope2[1, j, i] + slope2[1, below, beyond],
-                )
-                noise2 = np.float32(0.5) * (x2 * dx * dx + y2 * dy * dy)
-                both = valid[j, i] and valid[below, beyond]
-                out[j, i] = scale[j, i] * scale[below, beyond] / noise2 if both else np.float32(0.0)
+    padded = [np.pad(part, 1, mode="edge") for part in (x, y, depth_mm)]
+    xu, yu, zu = (part[1:-1, 2:] - part[1:-1, :-2] for part in padded)
+    xv, yv, zv = (part[2:, 1:-1] - part[:-2, 1:-1] for part in padded)
+    area = xu * yv - xv * yu
+    return np.stack([(yv * zu - yu * zv) / area, (xu * zv - xv * zu) / area])
 
 
 def step_weights(
@@ -268,9 +217,7 @@ def step_weights(
 
     0 at invalid pixels. slope2: (2, rows, cols) variance of the slope, rad^2. scale: h (rows, cols).
     """
-    rows, cols = valid.shape
-    across, down = np.empty((rows, cols - 1), np.float32), np.empty((rows - 1, cols), np.float32)
-    _weigh(slope2, x_mm, y_mm, scale, valid, across, down)
+    across, down = (_weights(slope2, x_mm, y_mm, scale, valid, one, other) for one, other in _ALONG)
     total = 0.5 * float(across.mean(dtype=np.float64) + down.mean(dtype=np.float64))
     per = np.float32(1.0 / max(total, 1e-30))
     across *= per
@@ -278,15 +225,18 @@ def step_weights(
     return across, down
 
 
-@numba.njit(cache=True, error_model="numpy")
+def _weights(
+    slope2: Single, x: Single, y: Single, scale: Single, valid: Mask, one: Part, other: Part
+) -> Single:
+    """h^2 over the variance of steps from one part of the pixels to the other; 0 at invalid pixels."""
+    x2, y2 = slope2[:, *one] + slope2[:, *other]
+    noise2 = np.float32(0.5) * (x2 * (x[other] - x[one]) ** 2 + y2 * (y[other] - y[one]) ** 2)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        weight = scale[one] * scale[other] / noise2
+    return np.where(valid[one] & valid[other], weight, np.float32(0.0))
+
+
 def take_out(level_mm: Single, scale: Single, across: Single, down: Single) -> None:
     """Make steps of depth those of what it has beyond a level, over the scale h; in place."""
-    for j in range(level_mm.shape[0]):
-        for way, out in ((0, across), (1, down)):
-            below = j + way
-            if below == level_mm.shape[0]:
-                continue
-            for i in range(out.shape[1]):
-                beyond = i + 1 - way
-                step = out[j, i] - (level_mm[below, beyond] - level_mm[j, i])
-                out[j, i] = step / np.sqrt(scale[j, i] * scale[below, beyond])
+    for steps, (one, other) in zip((across, down), _ALONG, strict=True):
+        steps[:] = (steps - (level_mm[other] - level_mm[one])) / np.sqrt(scale[one] * scale[other])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numba
 
 from zeromethod.arrays import Float, Single
+from zeromethod.kernels import kernel, read
 
 XX, XY, YY, X, Y = range(5)
 """Channels of `normal_sums`: sums of gx gx, gx gy, gy gy, gx r, gy r."""
@@ -16,13 +17,16 @@ GRADIENT_NOISE = 130.0 / 144.0 / 4.0
 """Variance that white noise adds to a gradient of `normal_sums`, per variance of the images' difference."""
 
 
-@numba.njit(cache=True, fastmath=False)
+@kernel(read(numba.float32, 2), read(numba.float32, 2), numba.int64, numba.float64[:, :, ::1])
 def grey_sums(reference: Single, warped: Single, size: int, out: Float) -> None:
     """Per cell: pixel count and sums of a, b, a a, a b, b b for reference a and warped image b.
 
     out: (cell rows, cell cols, 6). Pixels that are NaN in either image do not count.
     """
-    out[:] = 0.0
+    for j in range(out.shape[0]):
+        for i in range(out.shape[1]):
+            for k in range(out.shape[2]):
+                out[j, i, k] = 0.0
     for v in range(reference.shape[0]):
         for u in range(reference.shape[1]):
             a, b = float(reference[v, u]), float(warped[v, u])
@@ -36,18 +40,14 @@ def grey_sums(reference: Single, warped: Single, size: int, out: Float) -> None:
                 cell[5] += b * b
 
 
-@numba.njit(cache=True, inline="always")
-def _slope(a: Single, b: Single, v: int, u: int, dv: int, du: int, gain: float) -> float:
-    """Fourth-order central difference of (a + gain b) / 2 along (dv, du); NaN next to a NaN."""
-    v1, v2, v3, v4 = v - 2 * dv, v - dv, v + dv, v + 2 * dv
-    u1, u2, u3, u4 = u - 2 * du, u - du, u + du, u + 2 * du
-    of_a = 8.0 * (a[v3, u3] - a[v2, u2]) - (a[v4, u4] - a[v1, u1])
-    of_b = 8.0 * (b[v3, u3] - b[v2, u2]) - (b[v4, u4] - b[v1, u1])
-    slope: float = (of_a + gain * of_b) / 24.0
-    return slope
-
-
-@numba.njit(cache=True)
+@kernel(
+    read(numba.float32, 2),
+    read(numba.float32, 2),
+    read(numba.float64, 3),
+    numba.int64,
+    numba.float64[:, :, ::1],
+    numba.float64[:, :, ::1],
+)
 def normal_sums(reference: Single, warped: Single, light: Float, size: int, sums: Float, more: Float) -> None:
     """Normal equations of the displacement left between reference and warped image, per cell.
 
@@ -56,16 +56,26 @@ def normal_sums(reference: Single, warped: Single, light: Float, size: int, sums
     (half the noise of one, and no bias from which image is noisier) and the difference r = reference -
     warped = g . (displacement still missing). more: (cell rows, cell cols, 10), a being the reference.
     """
-    sums[:] = 0.0
-    more[:] = 0.0
     rows, cols = reference.shape
+    for j in range(sums.shape[0]):
+        for i in range(sums.shape[1]):
+            for k in range(sums.shape[2]):
+                sums[j, i, k] = 0.0
+            for k in range(more.shape[2]):
+                more[j, i, k] = 0.0
     for v in range(2, rows - 2):
         for u in range(2, cols - 2):
             j, i = v // size, u // size
             gain = light[j, i, 0]
             r = reference[v, u] - gain * warped[v, u] - light[j, i, 1]
-            gx = _slope(reference, warped, v, u, 0, 1, gain)
-            gy = _slope(reference, warped, v, u, 1, 0, gain)
+            # fourth-order central differences, NaN next to a NaN
+            gx = 8.0 * (reference[v, u + 1] - reference[v, u - 1])
+            gx -= reference[v, u + 2] - reference[v, u - 2]
+            gy = 8.0 * (reference[v + 1, u] - reference[v - 1, u])
+            gy -= reference[v + 2, u] - reference[v - 2, u]
+            wx = 8.0 * (warped[v, u + 1] - warped[v, u - 1]) - (warped[v, u + 2] - warped[v, u - 2])
+            wy = 8.0 * (warped[v + 1, u] - warped[v - 1, u]) - (warped[v + 2, u] - warped[v - 2, u])
+            gx, gy = (gx + gain * wx) / 24.0, (gy + gain * wy) / 24.0
             if gx + gy + r != gx + gy + r:  # true for NaN only
                 continue
             cell = sums[j, i]

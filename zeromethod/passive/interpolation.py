@@ -10,9 +10,10 @@ import math
 
 import numba
 import numpy as np
-from scipy.ndimage import spline_filter
+from scipy.ndimage import shift, spline_filter
 
 from zeromethod.arrays import Float, Single
+from zeromethod.kernels import kernel, read
 from zeromethod.warp.interpolant import keys_weights
 
 BORDER_PX = 2
@@ -24,21 +25,14 @@ def spline_coefficients(grey: Single) -> Single:
     return np.asarray(spline_filter(grey, order=5, output=np.float32, mode="mirror"))
 
 
-@numba.njit(cache=True, inline="always")
-def quintic_weights(t: float) -> tuple[float, float, float, float, float, float]:
-    """Quintic B-spline at pixels i-2 .. i+3 for a position i + t, 0 <= t < 1; they sum to 1."""
-    s = 1.0 - t
-    t2, s2 = t * t, s * s
-    t4, s4 = t2 * t2, s2 * s2
-    near = (66.0 - 60.0 * t2 + 30.0 * t4 - 10.0 * t4 * t) / 120.0
-    far = (66.0 - 60.0 * s2 + 30.0 * s4 - 10.0 * s4 * s) / 120.0
-    w0, w5 = s4 * s / 120.0, t4 * t / 120.0
-    a = 1.0 + t
-    w1 = (51.0 + 75.0 * a - 210.0 * a * a + 150.0 * a**3 - 45.0 * a**4 + 5.0 * a**5) / 120.0
-    return w0, w1, near, far, 1.0 - w0 - w1 - near - far - w5, w5
-
-
-@numba.njit(cache=True, fastmath=True)
+@kernel(
+    read(numba.float32, 2),
+    read(numba.float64, 3),
+    numba.int64,
+    numba.int64,
+    numba.float32[:, ::1],
+    fastmath=True,
+)
 def warp_image(coefficients: Single, field: Float, padding: int, size: int, out: Single) -> None:
     """Draw the image as the reference should show it: out(u, v) = image(u + du, v + dv).
 
@@ -48,11 +42,11 @@ def warp_image(coefficients: Single, field: Float, padding: int, size: int, out:
     """
     rows, cols = out.shape
     image_rows, image_cols = coefficients.shape
-    shift = padding - 0.5 * (size - 1) / size
+    edge = padding - 0.5 * (size - 1) / size
     low = float(BORDER_PX)
-    line = np.empty((field.shape[1], 2))
+    line, weights = np.empty((field.shape[1], 2)), np.empty((2, 6))
     for v in range(rows):
-        y = v / size + shift
+        y = v / size + edge
         j = int(y)
         b0, b1, b2, b3 = keys_weights(y - j)
         for i in range(field.shape[1]):
@@ -64,7 +58,7 @@ def warp_image(coefficients: Single, field: Float, padding: int, size: int, out:
                     + b3 * field[j + 2, i, k]
                 )
         for u in range(cols):
-            x = u / size + shift
+            x = u / size + edge
             i = int(x)
             a0, a1, a2, a3 = keys_weights(x - i)
             px = u + a0 * line[i - 1, 0] + a1 * line[i, 0] + a2 * line[i + 1, 0] + a3 * line[i + 2, 0]
@@ -73,14 +67,23 @@ def warp_image(coefficients: Single, field: Float, padding: int, size: int, out:
                 out[v, u] = np.float32(math.nan)
                 continue
             m, n = min(int(px), image_cols - 4), min(int(py), image_rows - 4)
-            p0, p1, p2, p3, p4, p5 = quintic_weights(px - m)
-            q = quintic_weights(py - n)
+            for axis in range(2):
+                # quintic B-spline at pixels -2 to 3 from one before the place; they sum to 1
+                t = py - n if axis else px - m
+                s, a, w = 1.0 - t, 1.0 + t, weights[axis]
+                t2, s2 = t * t, s * s
+                t4, s4 = t2 * t2, s2 * s2
+                w[0], w[5] = s4 * s / 120.0, t4 * t / 120.0
+                w[1] = (51.0 + 75.0 * a - 210.0 * a * a + 150.0 * a**3 - 45.0 * a**4 + 5.0 * a**5) / 120.0
+                w[2] = (66.0 - 60.0 * t2 + 30.0 * t4 - 10.0 * t4 * t) / 120.0
+                w[3] = (66.0 - 60.0 * s2 + 30.0 * s4 - 10.0 * s4 * s) / 120.0
+                w[4] = 1.0 - w[0] - w[1] - w[2] - w[3] - w[5]
             total = 0.0
             for k in range(6):
-                c = coefficients[n - 2 + k]
-                total += q[k] * (
-                    p0 * c[m - 2] + p1 * c[m - 1] + p2 * c[m] + p3 * c[m + 1] + p4 * c[m + 2] + p5 * c[m + 3]
-                )
+                row = 0.0
+                for i in range(6):
+                    row += weights[0, i] * coefficients[n - 2 + k, m - 2 + i]
+                total += weights[1, k] * row
             out[v, u] = np.float32(total)
 
 
@@ -88,9 +91,8 @@ def _noise_gains(count: int) -> Float:
     """Variance of interpolated white noise of variance 1 along one axis, at count + 1 positions 0 .. 1."""
     impulse = np.zeros(64)
     impulse[32] = 1.0
-    kernel = spline_filter(impulse, order=5, mode="mirror", output=np.float64)
-    weights = [quintic_weights(t) for t in np.linspace(0.0, 1.0, count + 1)]
-    return np.array([np.sum(np.convolve(kernel, w) ** 2) for w in weights])
+    at = np.linspace(0.0, 1.0, count + 1)
+    return np.array([np.sum(shift(impulse, t, order=5, mode="mirror") ** 2) for t in at])
 
 
 _GAINS = _noise_gains(32)

@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import functools
 
+import cv2
 import numba
 import numpy as np
 
 from zeromethod.arrays import Float, Ints
+from zeromethod.kernels import kernel, read
 from zeromethod.passive.cells import XX, XY, YY, X, Y
 from zeromethod.rounding import REORDERED
 
@@ -25,34 +27,6 @@ _POWERS = {1: ((0, 0), (1, 0), (0, 1)), 2: ((0, 0), (1, 0), (0, 1), (2, 0), (1, 
 _WEAK = 1e-9
 
 
-@numba.njit(cache=True, fastmath=True)
-def _along_rows(field: Float, kernel: Float, out: Float) -> None:
-    reach = kernel.size // 2
-    cols = field.shape[1]
-    for j in range(field.shape[0]):
-        line, total = field[j], out[j]
-        for i in range(cols):
-            total[i] = 0.0
-        for k in range(-min(reach, cols - 1), min(reach, cols - 1) + 1):
-            weight = kernel[k + reach]
-            for i in range(max(-k, 0), min(cols - k, cols)):
-                total[i] += weight * line[i + k]
-
-
-@numba.njit(cache=True, fastmath=True)
-def _along_columns(field: Float, kernel: Float, out: Float) -> None:
-    reach = kernel.size // 2
-    rows, cols = field.shape
-    for j in range(rows):
-        total = out[j]
-        for i in range(cols):
-            total[i] = 0.0
-        for k in range(max(-reach, -j), min(reach, rows - 1 - j) + 1):
-            weight, line = kernel[k + reach], field[j + k]
-            for i in range(cols):
-                total[i] += weight * line[i]
-
-
 @functools.cache
 def window(sigma: float, power: int = 0) -> Float:
     """Weights x^power exp(-x^2 / 2 sigma^2) at whole cells x; sigma in cells. Not to be written to."""
@@ -63,95 +37,75 @@ def window(sigma: float, power: int = 0) -> Float:
 
 def blur(field: Float, sigma: tuple[float, float]) -> Float:
     """Windowed sum of a field (rows, cols); sigma (columns, rows) in cells. Outside the field counts 0."""
-    first, out = np.empty_like(field), np.empty_like(field)
-    _along_rows(field, window(sigma[0]), first)
-    _along_columns(first, window(sigma[1]), out)
-    return out
+    return _filtered(field, window(sigma[0]), window(sigma[1]))
 
 
 def moving_moments(field: Float, sigma: tuple[float, float], degree: int, out: Float) -> None:
     """Windowed sums (rows, cols) of x^a y^b field into out[a, b], a + b <= degree."""
-    first = np.empty_like(field)
+    one = np.ones(1)
     for a in range(degree + 1):
-        _along_rows(field, window(sigma[0], a), first)
+        first = _filtered(field, window(sigma[0], a), one)
         for b in range(degree + 1 - a):
-            _along_columns(first, window(sigma[1], b), out[a, b])
+            out[a, b] = _filtered(first, one, window(sigma[1], b))
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
-def _factor(matrix: Float, size: int) -> bool:
-    """Cholesky factor in the lower triangle, in place; False where the matrix is (nearly) singular."""
-    for i in range(size):
-        scale = matrix[i, i]
-        for j in range(i + 1):
-            total = matrix[i, j]
-            for k in range(j):
-                total -= matrix[i, k] * matrix[j, k]
-            if i == j:
-                if not total > _WEAK * scale:
-                    return False
-                matrix[i, i] = np.sqrt(total)
-            else:
-                matrix[i, j] = total / matrix[j, j]
-    return True
+def _filtered(field: Float, along_row: Float, along_column: Float) -> Float:
+    """Field (rows, cols) with windows along rows and columns; outside it counts 0."""
+    found = cv2.sepFilter2D(field, cv2.CV_64F, along_row, along_column, borderType=cv2.BORDER_CONSTANT)
+    return np.asarray(found)
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
-def _substitute(factor: Float, size: int, x: Float) -> None:
-    """Solve for the right-hand side x in place."""
-    for i in range(size):
-        for k in range(i):
-            x[i] -= factor[i, k] * x[k]
-        x[i] /= factor[i, i]
-    for i in range(size - 1, -1, -1):
-        for k in range(i + 1, size):
-            x[i] -= factor[k, i] * x[k]
-        x[i] /= factor[i, i]
+@kernel(
+    read(numba.float64, 2),
+    read(numba.float64, 2),
+    read(numba.float64, 2),
+    read(numba.int64, 2),
+    numba.float64[:, ::1],
+    numba.float64[:, ::1],
+    fastmath=REORDERED,
+)
+def _solve(moments: Float, squares: Float, right: Float, plane: Ints, out: Float, variance: Float) -> None:
+    """Displacements (cells, 2) and their variances, by Cholesky factors; NaN where one is nearly singular.
 
-
-@numba.njit(cache=True)
-def _fill_matrix(moments: Float, powers: Ints, j: int, i: int, matrix: Float) -> None:
-    """Lower triangle of the normal matrix from moments (3, n, n, rows, cols) of XX, XY, YY."""
-    terms = powers.shape[0]
-    for m in range(terms):
-        for n in range(terms):
-            a, b = powers[m, 0] + powers[n, 0], powers[m, 1] + powers[n, 1]
-            matrix[m, n] = moments[0, a, b, j, i]
-            matrix[terms + m, n] = moments[1, a, b, j, i]
-            matrix[m, terms + n] = moments[1, a, b, j, i]
-            matrix[terms + m, terms + n] = moments[2, a, b, j, i]
-
-
-@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
-def _solve(moments: Float, squares: Float, right: Float, powers: Ints, out: Float, variance: Float) -> None:
-    terms = powers.shape[0]
-    size = 2 * terms
-    matrix, spread = np.empty((size, size)), np.empty((size, size))
-    x, row = np.empty(size), np.empty(size)
-    for j in range(out.shape[0]):
-        for i in range(out.shape[1]):
-            _fill_matrix(moments, powers, j, i, matrix)
-            if not _factor(matrix, size):
-                out[j, i] = np.nan
-                variance[j, i] = np.nan
-                continue
-            for m in range(terms):
-                x[m] = right[0, powers[m, 0], powers[m, 1], j, i]
-                x[terms + m] = right[1, powers[m, 0], powers[m, 1], j, i]
-            _substitute(matrix, size, x)
-            _fill_matrix(squares, powers, j, i, spread)
-            for k in range(2):
-                out[j, i, k] = x[k * terms]
-                row[:] = 0.0
-                row[k * terms] = 1.0
-                _substitute(matrix, size, row)
-                total = 0.0
-                for m in range(size):
-                    part = 0.5 * spread[m, m] * row[m]
-                    for n in range(m):
-                        part += spread[m, n] * row[n]
-                    total += 2.0 * row[m] * part
-                variance[j, i, k] = total
+    moments, squares: (planes, cells) of the normal matrix and of its variance. plane: (unknowns, unknowns)
+    which of them each element is; half of the unknowns are du's, half dv's. right: (unknowns, cells).
+    """
+    size = len(plane)
+    factor, row = np.empty((size, size)), np.empty(size)
+    for cell in range(len(out)):
+        sound = True
+        for m in range(size):
+            for n in range(m):
+                total = moments[plane[m, n], cell]
+                for k in range(n):
+                    total -= factor[m, k] * factor[n, k]
+                factor[m, n] = total / factor[n, n]
+            scale = total = moments[plane[m, m], cell]
+            for k in range(m):
+                total -= factor[m, k] * factor[m, k]
+            sound &= total > _WEAK * scale
+            factor[m, m] = np.sqrt(total)
+        for axis in range(2):
+            # the inverse's row of the displacement at the cell itself
+            one = axis * size // 2
+            for m in range(size):
+                total = 1.0 if m == one else 0.0
+                for k in range(m):
+                    total -= factor[m, k] * row[k]
+                row[m] = total / factor[m, m]
+            for m in range(size - 1, -1, -1):
+                for k in range(m + 1, size):
+                    row[m] -= factor[k, m] * row[k]
+                row[m] /= factor[m, m]
+            value = spread = 0.0
+            for m in range(size):
+                value += row[m] * right[m, cell]
+                part = 0.5 * squares[plane[m, m], cell] * row[m]
+                for n in range(m):
+                    part += squares[plane[m, n], cell] * row[n]
+                spread += 2.0 * row[m] * part
+            out[cell, axis] = value if sound else np.nan
+            variance[cell, axis] = spread if sound else np.nan
 
 
 def moving_fit(
@@ -179,6 +133,17 @@ def moving_fit(
     xx, xy, yy = sums[..., XX] - noise, sums[..., XY], sums[..., YY] - noise
     moving_moments(sums[..., X] + xx * x + xy * y, sigma, order, right[0])
     moving_moments(sums[..., Y] + xy * x + yy * y, sigma, order, right[1])
+    powers = np.array([*_POWERS[order], *_POWERS[order]])
+    a, b = powers.T
+    of_v = np.arange(len(powers)) // len(_POWERS[order])
+    at = (np.add.outer(of_v, of_v) * n + np.add.outer(a, a)) * n + np.add.outer(b, b)
     out, variance = np.empty((*plane, 2)), np.empty((*plane, 2))
-    _solve(moments, squares, right, np.array(_POWERS[order]), out, variance)
+    _solve(
+        moments.reshape(3 * n * n, -1),
+        squares.reshape(3 * n * n, -1),
+        right[of_v, a, b].reshape(len(powers), -1),
+        at,
+        out.reshape(-1, 2),
+        variance.reshape(-1, 2),
+    )
     return out, variance
