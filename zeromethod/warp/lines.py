@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import numba
-
 from zeromethod.arrays import Float
+from zeromethod.kernels import piece
 
 
-@numba.njit(cache=True)
+@piece
 def split(row: Float, x: Float, y: Float) -> None:
     """Both components of a row (cols, 2), each in a line (cols,) of its own."""
     for i in range(x.size):
