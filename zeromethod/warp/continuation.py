@@ -211,7 +211,7 @@ def continue_smoothly(field: Float, valid: Mask, out: Float | None = None) -> Fl
     """
     if out is None:
         out = np.empty_like(field)
-    known = np.count_nonzero(valid)
+    known = int(np.count_nonzero(valid))
     if known in (0, valid.size):
         out[:] = field if known else 0.0
     else:

@@ -147,7 +147,7 @@ class RestMap:
 def _worst(reasons: Flags) -> Flags:
     """The most frequent bit (n,) of windows (n, pixels)."""
     counts = np.stack([(reasons >> bit & 1).sum(axis=1) for bit in range(16)], axis=1)
-    return np.left_shift(1, counts.argmax(axis=1)).astype(np.uint16)
+    return np.asarray(np.left_shift(1, counts.argmax(axis=1)), np.uint16)
 
 
 def _quadratic(place: Float, spread: Float, valid: Mask, basis: Float) -> tuple[Float, Float]:
