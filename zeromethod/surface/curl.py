@@ -93,7 +93,8 @@ class _Templates:
         if self.weighting == weighting:
             return True
         both = np.repeat((island & self.mask).ravel(), 2)
-        return share_changed(variance.ravel(), self.variance.ravel(), both, _KEEP_FACTOR) <= _KEEP_SHARE
+        changed = share_changed(variance.ravel(), self.variance.ravel(), both, _KEEP_FACTOR)
+        return bool(changed <= _KEEP_SHARE)
 
 
 def _products(templates: Float, steps: Float, depth: Float, island: Mask, axis: int) -> Float:

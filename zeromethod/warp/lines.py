@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import numba
+
 from zeromethod.arrays import Float
-from zeromethod.kernels import piece
 
 
-@piece
+@numba.njit(cache=True)
 def split(row: Float, x: Float, y: Float) -> None:
     """Both components of a row (cols, 2), each in a line (cols,) of its own."""
     for i in range(x.size):
