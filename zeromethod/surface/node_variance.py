@@ -129,20 +129,19 @@ class _NextToGaps:
         node = np.arange(INTEGRAL.shape[-1])
         there = node < points
         value = INTEGRAL[points, (row if axis else col) - first, node] * weights[row, col]
-        to = (first + node, col) if axis else (row, first + node)
-        numbers = np.ravel_multi_index([np.broadcast_to(one, there.shape)[there] for one in to], by.shape[1:])
-        self._nodes, where = np.unique(numbers, return_inverse=True)
-        of = np.broadcast_to(np.arange(len(row))[:, None], there.shape)[there]
-        shape = len(self._nodes), len(row)
-        self._values = sparse.csr_array((value[there], (where, of)), shape=shape)
-        self._by = by.reshape(2, -1)[:, self._nodes]
+        ends = np.broadcast_arrays(*((first + node, col) if axis else (row, first + node)))
+        to, of = np.ravel_multi_index([one[there] for one in ends], by.shape[1:]), there.nonzero()[0]
+        self._nodes, where = np.unique([to, to + by[0].size], return_inverse=True)
+        value = by.reshape(2, -1)[:, to] * value[there]
+        numbers = where.ravel(), np.tile(of, 2)
+        self._values = sparse.csr_array((value.ravel(), numbers), shape=(len(self._nodes), len(row)))
         at = row[:, 0] * by.shape[2] + col[:, 0]
         self._ends = at, at + (by.shape[2] if axis else 1)
 
     def add(self, potential: Float, out: Single) -> None:
         """Add to weights (2, rows, cols) what a potential (rows, cols) makes."""
         flat, (one, other) = potential.ravel(), self._ends
-        out.reshape(2, -1)[:, self._nodes] += self._by * (self._values @ (flat[other] - flat[one]))
+        out.reshape(-1)[self._nodes] += self._values @ (flat[other] - flat[one])
 
 
 class NodeVariance:
