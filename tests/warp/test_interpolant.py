@@ -1,6 +1,6 @@
 import numpy as np
 
-from zeromethod.warp.interpolant import keys_weights, sample, window_matched
+from zeromethod.warp.interpolant import keys, sample, window_matched
 
 
 def _nodes(function, rows=12, cols=15):
@@ -20,7 +20,7 @@ def test_weights_are_keys_kernel_with_a_minus_one_half():
 
     for t in np.linspace(0, 1, 11):
         expected = [kernel(t + 1), kernel(t), kernel(1 - t), kernel(2 - t)]
-        np.testing.assert_allclose(keys_weights(t), expected, atol=1e-15)  # rounding
+        np.testing.assert_allclose(keys(t), expected, atol=1e-15)  # rounding
 
 
 def test_biquadratic_fields_come_back_exactly():

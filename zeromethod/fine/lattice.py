@@ -16,7 +16,7 @@ from zeromethod.arrays import Flags, Float, Ints, Mask, Single
 from zeromethod.rounding import REORDERED
 from zeromethod.sensing.window import triangle
 from zeromethod.warp.grid import PADDING, NodeGrid
-from zeromethod.warp.interpolant import keys_weights
+from zeromethod.warp.interpolant import keys
 from zeromethod.warp.validity import Flag
 
 
@@ -36,8 +36,8 @@ class Between(NamedTuple):
         """For pixel rows 0, 1, ... and nodes at 0, spacing, ..."""
         at = np.arange(rows)
         first = np.minimum(at // spacing, nodes - 2)
-        of_rows = np.array([keys_weights(k / spacing - i) for k, i in zip(at, first, strict=True)])
-        return cls(first, of_rows, np.array([keys_weights(k / spacing) for k in range(spacing)]).T.copy())
+        of_rows = np.stack(keys(at / spacing - first), axis=-1)
+        return cls(first, of_rows, np.stack(keys(np.arange(spacing) / spacing)))
 
 
 def with_ghosts(nodes: Float) -> Float:

@@ -19,7 +19,7 @@ from zeromethod.fine.motion import seen_motion
 from zeromethod.sensing.window import triangle
 from zeromethod.warp.compose import compose
 from zeromethod.warp.grid import NodeGrid
-from zeromethod.warp.interpolant import MEAN_LOSS, keys_weights
+from zeromethod.warp.interpolant import MEAN_LOSS, keys
 from zeromethod.warp.validity import Flag
 from zeromethod.warp.warp import Role, Warp
 
@@ -170,6 +170,6 @@ def _window_taps(period_px: int, spacing_px: int) -> Float:
     taps = np.zeros(2 * reach + 1)
     for offset, weight in zip(range(1 - period_px, period_px), triangle(period_px), strict=True):
         node, within = divmod(offset, spacing_px)
-        taps[reach + node - 1 : reach + node + 3] += weight * np.array(keys_weights(within / spacing_px))
+        taps[reach + node - 1 : reach + node + 3] += weight * np.array(keys(within / spacing_px))
     fourth = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
     return np.asarray(taps + MEAN_LOSS * np.convolve(taps, fourth, "same"))

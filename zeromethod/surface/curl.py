@@ -10,12 +10,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import numba
 import numpy as np
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.bench_motion.watch import LEAST_LCD_PX
-from zeromethod.rounding import REORDERED
 from zeromethod.surface.differences import depth_differences_adjoint
 from zeromethod.surface.integrate import SlopeIntegrator, share_changed
 from zeromethod.surface.node_passes import sum_on
@@ -95,28 +93,19 @@ class _Templates:
         if self.weighting == weighting:
             return True
         both = np.repeat((island & self.mask).ravel(), 2)
-        return share_changed(variance.ravel(), self.variance.ravel(), both, _KEEP_FACTOR) <= _KEEP_SHARE
+        changed = share_changed(variance.ravel(), self.variance.ravel(), both, _KEEP_FACTOR)
+        return bool(changed <= _KEEP_SHARE)
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
 def _products(templates: Float, steps: Float, depth: Float, island: Mask, axis: int) -> Float:
     """Sum (terms,) of what depth lacks of the steps along an axis, on the island, times each template.
 
-    Templates kept may have nodes lost since. In the same order on every machine's threads, which sums by a
-    library are not.
+    Templates kept may have nodes lost since. In the same order whatever the number of threads, which products
+    by BLAS are not.
     """
-    out, line = np.zeros(len(templates)), np.zeros(steps.shape[1])
-    for i in range(steps.shape[0]):
-        for j in range(steps.shape[1]):
-            there = island[i, j] and island[i + 1 - axis, j + axis]
-            lacking = steps[i, j] - depth[i + 1 - axis, j + axis] + depth[i, j]
-            line[j] = lacking if there else 0.0
-        for k in range(len(templates)):
-            total = 0.0
-            for j in range(len(line)):
-                total += templates[k, i, j] * line[j]
-            out[k] += total
-    return out
+    there = island[:, 1:] & island[:, :-1] if axis else island[1:] & island[:-1]
+    lacking = np.where(there, steps - np.diff(depth, axis=axis), 0.0)
+    return np.asarray(np.einsum("kij,ij->k", templates, lacking))
 
 
 class CurlTest:

@@ -12,13 +12,14 @@ import numba
 import numpy as np
 
 from zeromethod.arrays import Float, Ints, Single
+from zeromethod.kernels import kernel, read
 from zeromethod.optics import Optics
 from zeromethod.optics.fresnel import fresnel
 from zeromethod.optics.mirror import normal_of
 from zeromethod.surface.integrate import SlopeIntegrator
 from zeromethod.surface.rays import MirrorRays
 from zeromethod.warp.grid import NodeGrid
-from zeromethod.warp.interpolant import keys_weights
+from zeromethod.warp.interpolant import keys
 from zeromethod.warp.rest import Rest
 
 PASSES = 4
@@ -34,11 +35,15 @@ def _taps(nodes: Float, spacing_px: int, pixels: int) -> tuple[Ints, Single]:
     """First node (pixels,) and weights (pixels, 4) of Keys' interpolant, as used to draw warps."""
     place = (np.arange(pixels) - nodes[0]) / spacing_px
     first = np.clip(place.astype(np.int64), 1, nodes.size - 3)
-    weights = np.array([keys_weights(t) for t in place - first], np.float32)
+    weights = np.stack(keys(place - first), axis=-1).astype(np.float32)
     return first - 1, weights
 
 
-@numba.njit(cache=True, fastmath=True)
+@kernel(
+    read(numba.float32, 2), read(numba.int64, 1), read(numba.float32, 2), read(numba.int64, 1),
+    read(numba.float32, 2), read(numba.float32, 2), read(numba.float32, 2), read(numba.float32, 2),
+    numba.float32, numba.float32, numba.float32[::1], numba.float32[:, ::1], fastmath=True,
+)  # fmt: skip
 def _share(
     change: Single,
     rows: Ints,
@@ -48,13 +53,16 @@ def _share(
     rest_cosine: Single,
     s_share: Single,
     rest: Single,
-    index: float,
-    least: float,
+    n: float,
+    floor: float,
+    line: Single,
     out: Single,
 ) -> None:
-    """Reflectance over that at rest, with the change of the cosine of incidence interpolated from nodes."""
-    one, n, floor = np.float32(1), np.float32(index), np.float32(least)
-    line = np.empty(change.shape[1], np.float32)
+    """Reflectance over that at rest, with the change of the cosine of incidence interpolated from nodes.
+
+    n: index of the prism; floor: least share; line: (node columns,) to work with.
+    """
+    one = np.float32(1)
     for row in range(out.shape[0]):
         j, w = rows[row], down[row]
         for i in range(line.size):
@@ -158,5 +166,7 @@ class ExpectedLight:
         change = np.nan_to_num(self._cosine(slope, point) - self._rest_cosine).astype(np.float32)
         rows, down, cols, across = self._taps
         cosine, s_share, light = self._rest_light
-        _share(change, rows, down, cols, across, cosine, s_share, light, self._index, LEAST_SHARE, self._out)
+        line = np.empty(change.shape[1], np.float32)
+        numbers = self._index, LEAST_SHARE
+        _share(change, rows, down, cols, across, cosine, s_share, light, *numbers, line, self._out)
         return self._out

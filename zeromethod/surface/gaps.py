@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -73,30 +72,19 @@ class Gaps:
 
 def gaps_between(near: Mask, far: Mask) -> Gaps:
     """All gaps between nodes of two masks (rows, cols), without nodes of either inside; may be one mask."""
-    return Gaps(_ends(np.ascontiguousarray(near), np.ascontiguousarray(far)))
+    ends = [_ends(near.T, far.T)[..., ::-1], _ends(near, far)]
+    return Gaps(np.concatenate(ends))
 
 
-@numba.njit(cache=True)
 def _ends(near: Mask, far: Mask) -> NDArray[np.intp]:
-    """Ends (n, 2, 2) of `Gaps`."""
-    rows, cols = near.shape
-    # a node ends two gaps along either axis at most, and each of these once or, of one mask, twice
-    out, count = np.empty((4 * rows * cols, 2, 2), np.intp), 0
-    for axis in range(2):
-        lines, length = (rows, cols) if axis else (cols, rows)
-        for line in range(lines):
-            before = -1 - length
-            for at in range(length):
-                i, j = (line, at) if axis else (at, line)
-                if not (near[i, j] or far[i, j]):
-                    continue
-                if 1 < at - before < WIDEST + 2:
-                    k, m = (line, before) if axis else (before, line)
-                    if near[k, m] and far[i, j]:
-                        out[count, 0, 0], out[count, 0, 1], out[count, 1, 0], out[count, 1, 1] = k, m, i, j
-                        count += 1
-                    if far[k, m] and near[i, j]:
-                        out[count, 0, 0], out[count, 0, 1], out[count, 1, 0], out[count, 1, 1] = i, j, k, m
-                        count += 1
-                before = at
-    return out[:count].copy()
+    """Ends (n, 2, 2) of the gaps along rows: (row, col) of the near and of the far node."""
+    known = np.stack(np.nonzero(near | far), axis=-1)
+    one, other = known[:-1], known[1:]
+    apart = other[:, 1] - one[:, 1]
+    gaps = (one[:, 0] == other[:, 0]) & (apart > 1) & (apart < WIDEST + 2)
+    one, other = one[gaps], other[gaps]
+    # each gap may be one from its first end to its last, and one back
+    both = np.stack([np.stack([one, other], axis=1), np.stack([other, one], axis=1)], axis=1)
+    starts, ends = both[:, :, 0], both[:, :, 1]
+    found: NDArray[np.intp] = both[near[starts[..., 0], starts[..., 1]] & far[ends[..., 0], ends[..., 1]]]
+    return found

@@ -9,10 +9,7 @@ changes its sign, higher ones do not.
 
 from __future__ import annotations
 
-import math
-
 import cv2
-import numba
 import numpy as np
 
 from zeromethod.arrays import Float, Mask, Single
@@ -40,8 +37,9 @@ class HiddenDepth:
         step = np.stack([np.gradient(one, axis=axis) for axis in (1, 0) for one in (x_mm, y_mm)], axis=-1)
         # mm of depth per node and LCD px: along columns, along rows
         inverse = np.linalg.inv(sensitivity)
-        self._step2 = np.ascontiguousarray(step[..., :2] ** 2 + step[..., 2:] ** 2)
-        self._per_px = np.einsum("...ai,...ij->...aj", step.reshape(*x_mm.shape, 2, 2), inverse)
+        self._step2 = np.moveaxis(step[..., :2] ** 2 + step[..., 2:] ** 2, -1, 0).copy()
+        per_px = np.einsum("...ai,...ij->...aj", step.reshape(*x_mm.shape, 2, 2), inverse)
+        self._per_px = np.moveaxis(per_px, (-2, -1), (0, 1)).copy()
 
     def of(self, left: Single, variance: Float, island: Mask) -> Float | None:
         """Size of that depth (rows, cols) mm, 0 where it may be noise; None where it is nowhere more.
@@ -57,56 +55,31 @@ class HiddenDepth:
         return np.asarray(np.sqrt(np.maximum(found**2, around2)) * island, np.float64)
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
 def _divergence(left: Single, per_px: Float, share: float, island: Mask) -> Float:
-    """Share of the divergence (rows, cols) of the slope that is left, mm; 0 where a neighbour lacks it."""
-    rows, cols = island.shape
-    rise = np.empty((2, rows, cols))
-    for i in range(rows):
-        for j in range(cols):
-            for k in range(2):
-                slope = per_px[i, j, k, 0] * left[i, j, 0] + per_px[i, j, k, 1] * left[i, j, 1]
-                rise[k, i, j] = slope if island[i, j] else math.nan
-    out = np.zeros((rows, cols))
-    for i in range(rows):
-        for j in range(cols):
-            across = rise[0, i, j + 1] - rise[0, i, j - 1] if 0 < j < cols - 1 else math.nan
-            down = rise[1, i + 1, j] - rise[1, i - 1, j] if 0 < i < rows - 1 else math.nan
-            if island[i, j]:
-                out[i, j] += 0.0 if math.isnan(across) else 0.5 * share * across
-                out[i, j] += 0.0 if math.isnan(down) else 0.5 * share * down
+    """Share of the divergence (rows, cols) of the slope that is left, mm; 0 where a neighbour lacks it.
+
+    per_px: (2, 2, rows, cols) mm of depth per node along columns and rows, by LCD px of both components.
+    """
+    x, y = left[..., 0].astype(np.float64), left[..., 1].astype(np.float64)
+    x[~island] = np.nan
+    along, across = (per_px[k, 0] * x + per_px[k, 1] * y for k in (0, 1))
+    across_columns, down_rows = along[:, 2:] - along[:, :-2], across[2:] - across[:-2]
+    out = np.zeros(island.shape)
+    out[:, 1:-1] = np.where(np.isnan(across_columns), 0.0, across_columns)
+    out[1:-1] += np.where(np.isnan(down_rows), 0.0, down_rows)
+    out *= 0.5 * share * island
     return out
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
-def _add_shifted(values: Float, out: Float) -> None:
-    """Add values (n,) to those before, at, and after them."""
-    n = len(out) - 1
-    for k in range(1, n):
-        out[k] += values[k - 1] + values[k] + values[k + 1]
-    out[0] += values[0] + values[1]
-    out[n] += values[n - 1] + values[n]
-
-
-@numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
 def _beyond_noise(hidden: Float, step2: Float, variance: Float, least: float, island: Mask) -> Float:
     """The nodes around which the mean over 3 x 3 is more than so many deviations of noise; 0 elsewhere.
 
-    step2: (rows, cols, 2) mm^2 per node of x and y. At least 2 columns.
+    step2: (2, rows, cols) mm^2 per node of x and y.
     """
-    rows, cols = island.shape
-    out, known = np.zeros((rows, cols)), island.astype(np.float64)
-    total, count = np.empty(cols), np.empty(cols)
-    for i in range(rows):
-        total[:], count[:] = 0.0, 0.0
-        for m in range(max(i - 1, 0), min(i + 2, rows)):
-            _add_shifted(hidden[m], total)
-            _add_shifted(known[m], count)
-        of_x, to, own = variance[i], out[i], hidden[i]
-        per, there = step2[i], known[i]
-        for j in range(cols):
-            noise2 = per[j, 0] * of_x[j, 0] + per[j, 1] * of_x[j, 1]
-            size = total[j] * total[j] > (count[j] * least) ** 2 * noise2
-            # False for nodes off the island, whose variance may be NaN
-            to[j] = own[j] if size & (there[j] > 0.0) else 0.0
-    return out
+    total, count = (
+        cv2.boxFilter(one, -1, (3, 3), normalize=False, borderType=cv2.BORDER_CONSTANT)
+        for one in (hidden, island.astype(np.float64))
+    )
+    noise2 = step2[0] * variance[..., 0] + step2[1] * variance[..., 1]
+    # False for nodes off the island, whose variance may be NaN
+    return np.where(island & (total * total > (count * least) ** 2 * noise2), hidden, 0.0)

@@ -20,6 +20,7 @@ import numpy as np
 from scipy import ndimage
 
 from zeromethod.arrays import Float, Mask
+from zeromethod.kernels import kernel, read
 from zeromethod.rounding import REORDERED
 from zeromethod.surface.differences import depth_differences, depth_differences_adjoint, stencils
 from zeromethod.surface.multigrid import EXACT, LatticeSolution
@@ -41,7 +42,7 @@ def largest_island(valid: Mask) -> Mask:
     return island
 
 
-@numba.njit(cache=True)
+@kernel(numba.float64[:, ::1])
 def fill_in(values: Float) -> None:
     """Replace NaN by the value of the next node that has one, as the rows come and back again; else 0."""
     rows, cols = values.shape
@@ -61,7 +62,10 @@ def fill_in(values: Float) -> None:
                 values[i, j] = 0.0
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
+@kernel(
+    read(numba.float64, 1), read(numba.float64, 1), read(numba.boolean, 1), numba.float64,
+    fastmath=REORDERED,
+)  # fmt: skip
 def share_changed(now: Float, kept: Float, nodes: Mask, factor: float) -> float:
     """Share of values that changed by more than a factor, up to one common to all, and either way.
 
@@ -115,12 +119,16 @@ class LinearIntegration:
         return depth_differences_adjoint(across, down, self.x_mm, self.y_mm, self.island)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel(
+    read(numba.float64, 2), read(numba.float64, 2), read(numba.float64, 2), read(numba.float64, 2),
+    read(numba.float64, 2), numba.float64[:, ::1],
+)  # fmt: skip
 def _lacking(across: Float, down: Float, depth: Float, of_across: Float, of_down: Float, out: Float) -> None:
     """Weighted steps that lead to each node (rows, cols) minus those that lead away, less those of depth."""
     rows, cols = depth.shape
     for i in range(rows):
-        out[i] = 0.0
+        for j in range(cols):
+            out[i, j] = 0.0
         for j in range(cols - 1):
             out[i, j] -= of_across[i, j] * (across[i, j] - depth[i, j + 1] + depth[i, j])
         for j in range(1, cols):
@@ -132,18 +140,12 @@ def _lacking(across: Float, down: Float, depth: Float, of_across: Float, of_down
             out[i, j] -= step
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _edge_weights(variance: Float, step: Float, h: Float, island: Mask, down: int, out: Float) -> None:
-    """Weights of the edges to the next column (down 0) or row (1), 0 off the island; step: (..., 2) mm."""
-    for i in range(out.shape[0]):
-        for j in range(out.shape[1]):
-            k, m = i + down, j + 1 - down
-            out[i, j] = 0.0
-            if island[i, j] and island[k, m]:
-                spread = 0.0
-                for axis in range(2):
-                    spread += 0.5 * (variance[i, j, axis] + variance[k, m, axis]) * step[i, j, axis] ** 2
-                out[i, j] = h[i, j] / spread
+def _edge_weights(variance: Float, step: Float, h: Float, island: Mask, axis: int) -> Float:
+    """Weights of the edges to the next row (axis 0) or column (1), 0 off the island; step: (..., 2) mm."""
+    one, other = (np.s_[:-1], np.s_[1:]) if axis == 0 else (np.s_[:, :-1], np.s_[:, 1:])
+    mean = 0.5 * (variance[one] + variance[other])
+    spread = mean[..., 0] * step[..., 0] ** 2 + mean[..., 1] * step[..., 1] ** 2
+    return np.divide(h, spread, out=np.zeros(h.shape), where=island[one] & island[other])
 
 
 def _divergence(across: Float, down: Float) -> Float:
@@ -225,7 +227,7 @@ class SlopeIntegrator:
 
     def _changed(self, variance: Float, kept: Float) -> bool:
         values = variance.ravel(), kept.ravel(), np.repeat(self.island.ravel(), 2)
-        return share_changed(*values, _KEEP_FACTOR) > _KEEP_SHARE
+        return bool(share_changed(*values, _KEEP_FACTOR) > _KEEP_SHARE)
 
     def _set_weights(self) -> None:
         island, variance = self.island, self._variance
@@ -233,9 +235,8 @@ class SlopeIntegrator:
         # nodes that a dent hides for a frame come back
         if self._edges.weighting == self.weighting and np.array_equal(self._edges.island, island):
             return
-        across, down = np.empty(self._h_across.shape), np.empty(self._h_down.shape)
-        _edge_weights(variance, self._step_across, self._h_across, island, 0, across)
-        _edge_weights(variance, self._step_down, self._h_down, island, 1, down)
+        across = _edge_weights(variance, self._step_across, self._h_across, island, 1)
+        down = _edge_weights(variance, self._step_down, self._h_down, island, 0)
         solution = LatticeSolution.of(across * self._h_across, down * self._h_down)
         self._edges = _Edges(island, self.weighting, across, down, solution)
 

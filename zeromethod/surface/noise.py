@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cached_property
 
-import numba
 import numpy as np
 from scipy import ndimage
 
 from zeromethod.arrays import Float, Mask
-from zeromethod.rounding import REORDERED
 from zeromethod.surface.integrate import SlopeIntegrator, fill_in, share_changed
 from zeromethod.surface.node_variance import variance_of_noise
 from zeromethod.surface.noise_growth import Known, grown_by
@@ -31,15 +29,9 @@ _MOST_GUESSES = 4
 """Masks in turn that go by another one's samples."""
 
 
-@numba.njit(cache=True, error_model="numpy")
 def _powers(variance: Float, island: Mask) -> Float:
     """Sum (rows, cols) of both variances on the island, else 0."""
-    out = np.zeros(island.shape)
-    for i in range(island.shape[0]):
-        for j in range(island.shape[1]):
-            if island[i, j]:
-                out[i, j] = variance[i, j, 0] + variance[i, j, 1]
-    return out
+    return np.where(island, variance[..., 0] + variance[..., 1], 0.0)
 
 
 class SlopeNoise:
@@ -157,7 +149,7 @@ class _Map:
         if np.count_nonzero(island & ~self.mask) > _KEEP_BACK * all_nodes:
             return False
         changed = share_changed(power.ravel(), self._power.ravel(), island.ravel(), _KEEP_FACTOR**2)
-        return changed <= _KEEP_CHANGED
+        return bool(changed <= _KEEP_CHANGED)
 
     def variance(self, power: Float, island: Mask) -> Float:
         """Variance (rows, cols) of depth / h, mm^2, by the noise of this reading."""
@@ -267,15 +259,7 @@ def _block_size(shape: tuple[int, ...]) -> int:
     return max(1, round(_BLOCK_SHARE * min(shape)))
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
 def _blocks(weights: Float, size: int) -> Float:
     """Sums over blocks: noise of depth is alike within one."""
-    rows, cols = weights.shape
-    out = np.zeros((-(-rows // size), -(-cols // size)))
-    for i in range(rows):
-        for block in range(out.shape[1]):
-            total = 0.0
-            for j in range(block * size, min((block + 1) * size, cols)):
-                total += weights[i, j]
-            out[i // size, block] += total
-    return out
+    rows, cols = (np.arange(0, n, size) for n in weights.shape)
+    return np.asarray(np.add.reduceat(np.add.reduceat(weights, rows, axis=0), cols, axis=1))

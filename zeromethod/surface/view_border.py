@@ -12,6 +12,7 @@ import numba
 import numpy as np
 
 from zeromethod.arrays import Float, Mask
+from zeromethod.kernels import kernel, read
 
 _NEAR = 3
 """Rows of nodes whose windows reach over the border, and one more."""
@@ -30,45 +31,47 @@ def border_sigma_mm(slope: Float, point: Float, valid: Mask) -> Float:
     slope: (rows, cols, 2) rad. point: (rows, cols, 2 or more) mirror points, mm. valid: (rows, cols).
     """
     square = np.zeros(valid.shape)
-    _add_across(slope, point, valid, _BEND, square)
-    _add_across(slope.swapaxes(0, 1), point.swapaxes(0, 1), valid.T, _BEND, square.T)
+    _add_across(slope, point, valid, square)
+    _add_across(slope.swapaxes(0, 1), point.swapaxes(0, 1), valid.T, square.T)
     return np.asarray(np.sqrt(square))
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _add_across(slope: Float, point: Float, valid: Mask, bend: Float, square: Float) -> None:
+def _add_across(slope: Float, point: Float, valid: Mask, square: Float) -> None:
     """Add the variance, mm^2, that the first and last rows with valid nodes make, to theirs and the next."""
-    rows, cols = valid.shape
-    first, last = 0, rows - 1
-    while first < last and not valid[first].any():
-        first += 1
-    while last > first and not valid[last].any():
-        last -= 1
-    if last - first < _ROWS - 1:
+    rows = np.flatnonzero(valid.any(axis=1))
+    if not len(rows) or rows[-1] - rows[0] < _ROWS - 1:
         return
-    for edge, inwards in ((first, 1), (last, -1)):
-        for j in range(cols):
-            from_x, from_y, _, _ = _around(point, slope, valid, edge, j)
-            to_x = to_y = bend_x = bend_y = 0.0
-            for k in range(_ROWS):
-                to_x, to_y, slope_x, slope_y = _around(point, slope, valid, edge + inwards * k, j)
-                bend_x, bend_y = bend_x + bend[k] * slope_x, bend_y + bend[k] * slope_y
-            size2 = (bend_x * (to_x - from_x)) ** 2 + (bend_y * (to_y - from_y)) ** 2
-            for k in range(_NEAR):
-                i = edge + inwards * k
-                # NaN where a row has no node around
-                if valid[i, j] and size2 > 0.0:
-                    square[i, j] += size2 / (_ROWS - 1) ** 2
+    for strip in (rows[0] + np.arange(_ROWS), rows[-1] - np.arange(_ROWS)):
+        size2 = np.empty(valid.shape[1])
+        _bent(point[strip, :, :2], slope[strip], valid[strip], _BEND, size2)
+        near = strip[:_NEAR]
+        # NaN where a row has no node around
+        square[near] += np.where(valid[near] & (size2 > 0.0), size2 / (_ROWS - 1) ** 2, 0.0)
 
 
-@numba.njit(cache=True, error_model="numpy", inline="always")
-def _around(point: Float, slope: Float, valid: Mask, i: int, j: int) -> tuple[float, float, float, float]:
-    """Mean point and slope of the valid nodes of a row around a column; NaN without any."""
-    count = 0
-    x = y = slope_x = slope_y = 0.0
-    for k in range(max(j - _ASIDE, 0), min(j + _ASIDE + 1, valid.shape[1])):
-        if valid[i, k]:
-            count += 1
-            x, y = x + point[i, k, 0], y + point[i, k, 1]
-            slope_x, slope_y = slope_x + slope[i, k, 0], slope_y + slope[i, k, 1]
-    return x / count, y / count, slope_x / count, slope_y / count
+@kernel(
+    read(numba.float64, 3), read(numba.float64, 3), read(numba.boolean, 2), read(numba.float64, 1),
+    numba.float64[::1],
+)  # fmt: skip
+def _bent(point: Float, slope: Float, valid: Mask, bend: Float, size2: Float) -> None:
+    """Square (cols,) of the bend of slopes times the way from the first row to the last, mm^2.
+
+    Each row counts with the mean of its valid nodes around a column. NaN where a row has none.
+    """
+    rows, cols = valid.shape
+    for j in range(cols):
+        bend_x = bend_y = way_x = way_y = 0.0
+        for k in range(rows):
+            count = 0
+            x = y = slope_x = slope_y = 0.0
+            for m in range(max(j - _ASIDE, 0), min(j + _ASIDE + 1, cols)):
+                if valid[k, m]:
+                    count += 1
+                    x, y = x + point[k, m, 0], y + point[k, m, 1]
+                    slope_x, slope_y = slope_x + slope[k, m, 0], slope_y + slope[k, m, 1]
+            bend_x, bend_y = bend_x + bend[k] * slope_x / count, bend_y + bend[k] * slope_y / count
+            if k == 0:
+                way_x, way_y = -x / count, -y / count
+            elif k == rows - 1:
+                way_x, way_y = way_x + x / count, way_y + y / count
+        size2[j] = (bend_x * way_x) ** 2 + (bend_y * way_y) ** 2

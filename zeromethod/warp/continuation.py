@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zeromethod.arrays import Bytes, Float, Mask
+from zeromethod.kernels import kernel, piece, read
 
 REACH_NODES = 40.0
 """Distance over which a continued gradient fades, so f moves by about slope x this at most."""
@@ -33,7 +34,7 @@ _F, _X, _G = 0, 2, 4  # a cell: f (2), position (2), gradient of f_0 (2) and f_1
 _SIZE = 8
 
 
-@numba.njit(cache=True, error_model="numpy")
+@piece
 def _fit_gradient(field: Float, valid: Mask, j: int, i: int, cell: Float) -> None:
     """Least-squares plane through the valid nodes around (j, i); gradient 0 where they are too few."""
     rows, cols = valid.shape
@@ -45,22 +46,15 @@ def _fit_gradient(field: Float, valid: Mask, j: int, i: int, cell: Float) -> Non
                 x, y = float(a - i), float(b - j)
                 v0 = field[b, a, 0] - field[j, i, 0]
                 v1 = field[b, a, 1] - field[j, i, 1]
-                n += 1.0
-                sx += x
-                sy += y
-                sxx += x * x
-                sxy += x * y
-                syy += y * y
-                f0 += v0
-                f1 += v1
-                xf0 += x * v0
-                xf1 += x * v1
-                yf0 += y * v0
-                yf1 += y * v1
+                n, sx, sy = n + 1.0, sx + x, sy + y
+                sxx, sxy, syy = sxx + x * x, sxy + x * y, syy + y * y
+                f0, xf0, yf0 = f0 + v0, xf0 + x * v0, yf0 + y * v0
+                f1, xf1, yf1 = f1 + v1, xf1 + x * v1, yf1 + y * v1
     mx, my = sx / n, sy / n
     cxx, cxy, cyy = sxx - mx * sx, sxy - mx * sy, syy - my * sy
     least = 0.5 * (cxx + cyy) - math.hypot(0.5 * (cxx - cyy), cxy)
-    cell[_G : _G + 4] = 0.0
+    for k in range(_G, _SIZE):
+        cell[k] = 0.0
     if least >= LEAST_SPREAD:
         inverse = 1.0 / (cxx * cyy - cxy * cxy)
         x0, y0 = xf0 - mx * f0, yf0 - my * f0
@@ -71,17 +65,15 @@ def _fit_gradient(field: Float, valid: Mask, j: int, i: int, cell: Float) -> Non
         cell[_G + 3] = inverse * (cxx * y1 - cxy * x1)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel(read(numba.float64, 3), read(numba.boolean, 2), numba.float64[:, :, ::1], numba.uint8[:, ::1])
 def _finest(field: Float, valid: Mask, cells: Float, known: Bytes) -> None:
     """Cells of the node level. known: 0 unknown, 1 value, 2 value and gradient."""
     rows, cols = valid.shape
     for j in range(rows):
         for i in range(cols):
             known[j, i] = valid[j, i]
-            cells[j, i, _X] = i
-            cells[j, i, _X + 1] = j
-            cells[j, i, _F] = field[j, i, 0]
-            cells[j, i, _F + 1] = field[j, i, 1]
+            cells[j, i, _X], cells[j, i, _X + 1] = i, j
+            cells[j, i, _F], cells[j, i, _F + 1] = field[j, i, 0], field[j, i, 1]
     for j in range(rows):
         for i in range(cols):
             if not valid[j, i]:
@@ -92,46 +84,36 @@ def _finest(field: Float, valid: Mask, cells: Float, known: Bytes) -> None:
                             _fit_gradient(field, valid, b, a, cells[b, a])
 
 
-@numba.njit(cache=True, error_model="numpy", inline="always")
-def _merge(fine: Float, known: Bytes, j: int, i: int, cell: Float) -> int:
-    """Coarse cell (j, i) as the mean of its known fine cells; returns 0, 1 or 2 as in `_finest`."""
-    cell[:] = 0.0
-    values = gradients = 0
-    for b in range(2 * j, min(2 * j + 2, known.shape[0])):
-        for a in range(2 * i, min(2 * i + 2, known.shape[1])):
-            if known[b, a] > 0:
-                values += 1
-                for k in range(_G):
-                    cell[k] += fine[b, a, k]
-            if known[b, a] > 1:
-                gradients += 1
-                for k in range(_G, _SIZE):
-                    cell[k] += fine[b, a, k]
-    share = 1.0 / max(values, 1)
-    for k in range(_G):
-        cell[k] *= share
-    if gradients > 0:
-        share = 1.0 / gradients
-        for k in range(_G, _SIZE):
-            cell[k] *= share
-    return min(values, 1) + min(gradients, 1)
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _coarser(fine: Float, known: Bytes, step: float, cells: Float, above: Bytes) -> bool:
-    """Merge 2 x 2 cells into the level above; True when all cells there are known."""
-    complete = True
+@kernel(
+    read(numba.float64, 3), read(numba.uint8, 2), numba.float64,
+    numba.float64[:, :, ::1], numba.uint8[:, ::1],
+)  # fmt: skip
+def _coarser(fine: Float, known: Bytes, step: float, cells: Float, above: Bytes) -> None:
+    """Means of 2 x 2 known cells, of the level above; step: nodes between its cells."""
     for j in range(above.shape[0]):
         for i in range(above.shape[1]):
-            above[j, i] = _merge(fine, known, j, i, cells[j, i])
-            if above[j, i] == 0:
-                cells[j, i, _X] = (i + 0.5) * step - 0.5
-                cells[j, i, _X + 1] = (j + 0.5) * step - 0.5
-                complete = False
-    return complete
+            cell, values, gradients = cells[j, i], 0, 0
+            for k in range(_SIZE):
+                cell[k] = 0.0
+            for b in range(2 * j, min(2 * j + 2, known.shape[0])):
+                for a in range(2 * i, min(2 * i + 2, known.shape[1])):
+                    if known[b, a] > 0:
+                        values += 1
+                        for k in range(_G):
+                            cell[k] += fine[b, a, k]
+                    if known[b, a] > 1:
+                        gradients += 1
+                        for k in range(_G, _SIZE):
+                            cell[k] += fine[b, a, k]
+            for k in range(_G):
+                cell[k] *= 1.0 / max(values, 1)
+                cell[_G + k] *= 1.0 / max(gradients, 1)
+            if values == 0:
+                cell[_X], cell[_X + 1] = (i + 0.5) * step - 0.5, (j + 0.5) * step - 0.5
+            above[j, i] = min(values, 1) + min(gradients, 1)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@piece
 def _predict(cell: Float, source: Float, share: float) -> tuple[float, float]:
     """Value at `cell` from `source`, with gradient share x source's + (1 - share) x cell's own."""
     dx, dy = cell[_X] - source[_X], cell[_X + 1] - source[_X + 1]
@@ -146,12 +128,9 @@ def _predict(cell: Float, source: Float, share: float) -> tuple[float, float]:
     )
 
 
-@numba.njit(cache=True, error_model="numpy")
+@piece
 def _relax(flat: Float, todo: NDArray[np.int32], count: int, fade: float) -> None:
-    """Sweeps over the unknown cells, forwards and backwards in turn: first g, then f.
-
-    todo: (count, 5) number of each cell in `flat` (cells, _SIZE) and of its neighbours, -1 beyond the grid.
-    """
+    """Sweeps over the unknown cells, forwards and backwards in turn: first g, then f."""
     for stage in range(2):
         for sweep in range(SWEEPS):
             for n in range(count):
@@ -165,80 +144,50 @@ def _relax(flat: Float, todo: NDArray[np.int32], count: int, fade: float) -> Non
                     near = flat[np.uintp(row[side])]
                     neighbours += 1.0
                     if stage == 0:
-                        s0 += near[_G]
-                        s1 += near[_G + 1]
-                        s2 += near[_G + 2]
-                        s3 += near[_G + 3]
+                        s0, s1 = s0 + near[_G], s1 + near[_G + 1]
+                        s2, s3 = s2 + near[_G + 2], s3 + near[_G + 3]
                     else:
                         p0, p1 = _predict(cell, near, 0.5)
-                        s0 += p0
-                        s1 += p1
+                        s0, s1 = s0 + p0, s1 + p1
                 if stage == 0:
                     weight = fade / neighbours
-                    cell[_G] = weight * s0
-                    cell[_G + 1] = weight * s1
-                    cell[_G + 2] = weight * s2
-                    cell[_G + 3] = weight * s3
+                    cell[_G], cell[_G + 1] = weight * s0, weight * s1
+                    cell[_G + 2], cell[_G + 3] = weight * s2, weight * s3
                 else:
-                    cell[_F] = s0 / neighbours
-                    cell[_F + 1] = s1 / neighbours
+                    cell[_F], cell[_F + 1] = s0 / neighbours, s1 / neighbours
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _fill(cells: Float, known: Bytes, parents: Float, step: float) -> None:
-    """Unknown cells of a level from the completed level above, then smoothed."""
+@kernel(
+    numba.float64[:, ::1], read(numba.uint8, 2), read(numba.float64, 2), numba.float64, numba.int32[:, ::1]
+)
+def _fill(flat: Float, known: Bytes, parents: Float, fade: float, todo: NDArray[np.int32]) -> None:
+    """Unknown cells from the completed level above, then smoothed.
+
+    flat: (cells, _SIZE), parents: those of the level above. todo: (cells, 5) to be filled with the number of
+    each unknown cell and of its neighbours, -1 beyond the grid.
+    """
     rows, cols = known.shape
-    todo = np.empty((rows * cols, 5), dtype=np.int32)
     count = 0
     for j in range(rows):
         for i in range(cols):
             if known[j, i] == 0:
-                cell, parent = cells[j, i], parents[j // 2, i // 2]
+                here = j * cols + i
+                cell, parent = flat[here], parents[j // 2 * ((cols + 1) // 2) + i // 2]
                 for k in range(_G, _SIZE):
                     cell[k] = parent[k]
                 cell[_F], cell[_F + 1] = _predict(cell, parent, 1.0)
-                here = j * cols + i
                 todo[count, 0] = here
                 todo[count, 1] = here - cols if j > 0 else -1
                 todo[count, 2] = here + cols if j < rows - 1 else -1
                 todo[count, 3] = here - 1 if i > 0 else -1
                 todo[count, 4] = here + 1 if i < cols - 1 else -1
                 count += 1
-    _relax(cells.reshape(rows * cols, _SIZE), todo, count, 1.0 / (1.0 + 0.25 * (step / REACH_NODES) ** 2))
+    _relax(flat, todo, count, fade)
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _continue(field: Float, valid: Mask, out: Float) -> None:
-    rows, cols = valid.shape
-    count = 0
-    for j in range(rows):
-        for i in range(cols):
-            count += valid[j, i]
-    if count == rows * cols or count == 0:
-        for j in range(rows):
-            for i in range(cols):
-                for k in range(2):
-                    out[j, i, k] = field[j, i, k] if count > 0 else 0.0
-        return
-    levels = [np.empty((rows, cols, _SIZE))]
-    knowns = [np.empty((rows, cols), dtype=np.uint8)]
-    _finest(field, valid, levels[0], knowns[0])
-    step = 1.0
-    complete = False
-    while not complete:
-        step *= 2.0
-        rows, cols = (rows + 1) // 2, (cols + 1) // 2
-        levels.append(np.empty((rows, cols, _SIZE)))
-        knowns.append(np.empty((rows, cols), dtype=np.uint8))
-        complete = _coarser(levels[-2], knowns[-2], step, levels[-1], knowns[-1])
-    for n in range(len(levels) - 2, -1, -1):
-        step *= 0.5
-        _fill(levels[n], knowns[n], levels[n + 1], step)
-    finest = levels[0]
-    for j in range(valid.shape[0]):
-        for i in range(valid.shape[1]):
-            for k in range(2):
-                out[j, i, k] = field[j, i, k] if valid[j, i] else finest[j, i, _F + k]
+def _cells(rows: int, cols: int) -> tuple[Float, Bytes]:
+    """Cells of a level, and which are known, still empty."""
+    return np.empty((rows, cols, _SIZE)), np.empty((rows, cols), np.uint8)
 
 
 def continued(values: Float, x: Float, y: Float) -> Float:
@@ -262,5 +211,26 @@ def continue_smoothly(field: Float, valid: Mask, out: Float | None = None) -> Fl
     """
     if out is None:
         out = np.empty_like(field)
-    _continue(field, valid, out)
+    known = int(np.count_nonzero(valid))
+    if known in (0, valid.size):
+        out[:] = field if known else 0.0
+    else:
+        # the cells of valid nodes keep their values
+        out[:] = _completed(field, valid, valid.size - known)[..., _F : _F + 2]
     return out
+
+
+def _completed(field: Float, valid: Mask, count: int) -> Float:
+    """Finest cells (rows, cols, _SIZE) of a pyramid; count: how many nodes are not valid."""
+    levels = [_cells(*valid.shape)]
+    _finest(field, valid, *levels[0])
+    while not levels[-1][1].all():
+        rows, cols = levels[-1][1].shape
+        levels.append(_cells((rows + 1) // 2, (cols + 1) // 2))
+        _coarser(*levels[-2], 2.0 ** (len(levels) - 1), *levels[-1])
+    todo = np.empty((count, 5), np.int32)
+    for n in range(len(levels) - 2, -1, -1):
+        (cells, known), (parents, _) = levels[n : n + 2]
+        fade = 1.0 / (1.0 + 0.25 * (2.0**n / REACH_NODES) ** 2)
+        _fill(cells.reshape(-1, _SIZE), known, parents.reshape(-1, _SIZE), fade, todo)
+    return levels[0][0]

@@ -14,6 +14,7 @@ import numba
 import numpy as np
 
 from zeromethod.arrays import Float
+from zeromethod.kernels import kernel, read
 from zeromethod.rounding import REORDERED
 
 HALF_WIDTH = 8
@@ -55,47 +56,17 @@ def gain(f_cycles_per_node: float | Float) -> Float:
     return np.asarray(TAPS[0] + 2.0 * np.cos(2 * np.pi * f[..., None] * k) @ TAPS[1:])
 
 
-@numba.njit(cache=True, fastmath=REORDERED)
-def _filter_line(flat: Float, middle: int, step: int, out: Float) -> None:
-    """Filter into `out` (n,) the entries of `flat` from `middle` on, neighbours `step` apart.
-
-    One tap after the other, so that the compiler vectorises the line.
-    """
-    n = out.size
-    line = flat[middle : middle + n]
-    for i in range(n):
-        out[i] = TAPS[0] * line[i]
-    for k in range(1, HALF_WIDTH + 1):
-        before, after = flat[middle - k * step :][:n], flat[middle + k * step :][:n]
-        for i in range(n):
-            out[i] += TAPS[k] * (before[i] + after[i])
-
-
-@numba.njit(cache=True)
-def _reflect(flat: Float, first: int, last: int, step: int) -> None:
-    """Continue lines `step` apart beyond `first` and `last` by point reflection: straight stays straight."""
-    for k in range(step, (HALF_WIDTH + 1) * step, step):
-        for i in range(step):
-            flat[first - k + i] = 2.0 * flat[first + i] - flat[first + k + i]
-            flat[last + k + i] = 2.0 * flat[last + i] - flat[last - k + i]
-
-
-@numba.njit(cache=True)
-def _filter(field: Float, out: Float) -> None:
-    rows, cols, step = field.shape  # a 2 would be compiled as a case of its own
-    width, start = 2 * cols, 2 * HALF_WIDTH
-    padded = np.empty((rows + 2 * HALF_WIDTH) * width)
-    line = np.empty(width + 2 * start)
-    flat, filtered = field.reshape(rows * width), out.reshape(rows * width)
-    top = HALF_WIDTH * width
-    for j in range(rows):
-        for i in range(width):
-            line[start + i] = flat[j * width + i]
-        _reflect(line, start, start + width - 2, step)
-        _filter_line(line, start, step, padded[top + j * width :][:width])
-    _reflect(padded, top, top + (rows - 1) * width, width)
-    for j in range(rows):
-        _filter_line(padded, top + j * width, width, filtered[j * width :][:width])
+@kernel(read(numba.float64, 2), numba.int64, numba.float64[:, ::1], fastmath=REORDERED)
+def _filter(lines: Float, step: int, out: Float) -> None:
+    """Filter lines (n, m + 2 HALF_WIDTH step) whose neighbours are `step` apart into out (n, m)."""
+    middle = HALF_WIDTH * step
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            out[i, j] = TAPS[0] * lines[i, middle + j]
+        for k in range(1, HALF_WIDTH + 1):
+            before, after = lines[i, middle - k * step :], lines[i, middle + k * step :]
+            for j in range(out.shape[1]):
+                out[i, j] += TAPS[k] * (before[j] + after[j])
 
 
 def observable_part(displacement: Float, out: Float | None = None) -> Float:
@@ -112,7 +83,16 @@ def observable_part(displacement: Float, out: Float | None = None) -> Float:
     unchanged, so no depth leaks. At the grid's edge the field is continued by point
     reflection: planes stay exact there, an edge node keeps its value along that axis.
     """
+    rows, cols, n = *displacement.shape[:2], HALF_WIDTH
+    lines = np.empty((rows, cols + 2 * n, 2))
+    lines[:, n:-n] = displacement
+    lines[:, :n] = 2.0 * lines[:, n : n + 1] - lines[:, 2 * n : n : -1]
+    lines[:, -n:] = 2.0 * lines[:, -n - 1 : -n] - lines[:, -n - 2 : -2 * n - 2 : -1]
+    once = np.empty((rows + 2 * n, 2 * cols))
+    _filter(lines.reshape(rows, -1), 2, once[n:-n])
+    once[:n] = 2.0 * once[n] - once[2 * n : n : -1]
+    once[-n:] = 2.0 * once[-n - 1] - once[-n - 2 : -2 * n - 2 : -1]
     if out is None:
         out = np.empty_like(displacement)
-    _filter(displacement, out)
+    _filter(once.reshape(1, -1), 2 * cols, out.reshape(1, -1))
     return out

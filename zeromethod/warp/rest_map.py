@@ -6,16 +6,19 @@ import enum
 import zipfile
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
-import numba
 import numpy as np
+from numpy.typing import NDArray
 
-from zeromethod.arrays import Flags, Float, Mask
+from zeromethod.arrays import Flags, Float, Ints, Mask
 from zeromethod.atomic_write import atomic_write
 from zeromethod.errors import InputError
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.validity import Flag
 from zeromethod.warp.warp import Warp
+
+T = TypeVar("T", bound=np.generic)
 
 
 class Reason(enum.IntFlag):
@@ -134,95 +137,64 @@ class RestMap:
                 f"the camera has {grid.image_shape[1]} x {grid.image_shape[0]}"
             )
         half = max(1, grid.spacing_px // 2)
-        q = np.full((*grid.shape, 2), np.nan)
-        sigma = np.full((*grid.shape, 2), np.nan)
-        found = np.zeros(grid.shape, dtype=np.uint16)
-        _fit(self.lcd_px, self.sigma_px, self.valid, self.reason, grid.u_px, grid.v_px, half, q, sigma, found)
+        q, sigma, found = _fit(self, grid, half)
         flags = np.where(grid.measurable, np.uint16(0), np.uint16(Flag.OUTSIDE))
         for reason, flag in _FLAGS:
             flags[grid.measurable & (found & int(reason) != 0)] |= np.uint16(flag)
         return Warp(q, sigma, flags, time_ns)
 
 
-@numba.njit(cache=True)
-def _worst(reason: Flags, rows: tuple[int, int], cols: tuple[int, int]) -> int:
-    """The most frequent bit of a window."""
-    count = np.zeros(16, dtype=np.int64)
-    for j in range(rows[0], rows[1]):
-        for i in range(cols[0], cols[1]):
-            for bit in range(16):
-                count[bit] += (int(reason[j, i]) >> bit) & 1
-    most = 0
-    for bit in range(16):
-        if count[bit] > count[most]:
-            most = bit
-    return 1 << most
+def _worst(reasons: Flags) -> Flags:
+    """The most frequent bit (n,) of windows (n, pixels)."""
+    counts = np.stack([(reasons >> bit & 1).sum(axis=1) for bit in range(16)], axis=1)
+    return np.asarray(np.left_shift(1, counts.argmax(axis=1)), np.uint16)
 
 
-@numba.njit(cache=True)
-def _quadratic(
-    place: Float,
-    spread: Float,
-    valid: Mask,
-    rows: tuple[int, int],
-    cols: tuple[int, int],
-    middle: tuple[float, float, float],
-) -> tuple[float, float]:
-    """Value and sigma at `middle` (column, row, half width) of the quadratic through a window."""
-    u, v, half = middle
-    normal, right, basis = np.zeros((6, 6)), np.zeros(6), np.empty(6)
-    for j in range(rows[0], rows[1]):
-        for i in range(cols[0], cols[1]):
-            if valid[j, i]:
-                x, y = (i - u) / half, (j - v) / half
-                basis[0], basis[1], basis[2] = 1.0, x, y
-                basis[3], basis[4], basis[5] = x * x, x * y, y * y
-                weight = 1.0 / max(spread[j, i], _LEAST_SIGMA_PX) ** 2
-                for m in range(6):
-                    right[m] += weight * basis[m] * place[j, i]
-                    for n in range(6):
-                        normal[m, n] += weight * basis[m] * basis[n]
+def _quadratic(place: Float, spread: Float, valid: Mask, basis: Float) -> tuple[Float, Float]:
+    """Values and sigma (n,) in the middle of the quadratics through windows (n, pixels).
+
+    basis: (pixels, 6) 1, x, y, x^2, x y, y^2.
+    """
+    weights = np.where(valid, 1.0 / np.maximum(spread, _LEAST_SIGMA_PX) ** 2, 0.0)
+    products = (basis[:, :, None] * basis[:, None, :]).reshape(len(basis), -1)
+    normal = (weights @ products).reshape(-1, 6, 6)
     # a ridge far below the data's weight keeps a window of only a few lines of pixels solvable
     for m in range(1, 6):
-        normal[m, m] += 1e-9 * normal[0, 0]
-    inverse = np.linalg.inv(normal)
-    value = 0.0
-    for m in range(6):
-        value += inverse[0, m] * right[m]
-    return value, np.sqrt(inverse[0, 0])
+        normal[:, m, m] += 1e-9 * normal[:, 0, 0]
+    inverse = np.linalg.inv(normal)[:, 0]
+    right = (weights * np.where(valid, place, 0.0)) @ basis
+    return (inverse * right).sum(axis=1), np.sqrt(inverse[:, 0])
 
 
-@numba.njit(cache=True)
-def _fit(
-    lcd: Float,
-    spread: Float,
-    valid: Mask,
-    reason: Flags,
-    u_px: Float,
-    v_px: Float,
-    half: int,
-    q: Float,
-    sigma: Float,
-    found: Flags,
-) -> None:
-    """Weighted least squares of a quadratic per node and component; `found` gets one reason bit, or 0."""
-    rows, cols = valid.shape
-    for b in range(len(v_px)):
-        for a in range(len(u_px)):
-            j0, i0 = round(v_px[b]), round(u_px[a])
-            if not (half <= j0 < rows - half and half <= i0 < cols - half):
-                found[b, a] = 1
-                continue
-            window = (j0 - half, j0 + half + 1), (i0 - half, i0 + half + 1)
-            count = 0
-            for j in range(window[0][0], window[0][1]):
-                for i in range(window[1][0], window[1][1]):
-                    count += valid[j, i]
-            if count < max(LEAST_SHARE * (2 * half + 1) ** 2, 7.0):
-                found[b, a] = _worst(reason, window[0], window[1])
-                continue
-            middle = (u_px[a], v_px[b], float(half))
-            for k in range(2):
-                q[b, a, k], sigma[b, a, k] = _quadratic(
-                    lcd[..., k], spread[..., k], valid, window[0], window[1], middle
-                )
+def _windows(pixels: NDArray[T], rows: Ints, cols: Ints, half: int) -> NDArray[T]:
+    """Pixels (n, (2 half + 1)^2) of the windows around some."""
+    size = 2 * half + 1
+    views = np.lib.stride_tricks.sliding_window_view(pixels, (size, size))
+    return views[rows - half, cols - half].reshape(len(rows), size * size)
+
+
+def _fit(rest: RestMap, grid: NodeGrid, half: int) -> tuple[Float, Float, Flags]:
+    """Weighted least squares of a quadratic per node and component, in windows of `half` px on either side.
+
+    Returns q and sigma (rows, cols, 2), NaN where too few are valid; one reason bit (rows, cols), or 0.
+    """
+    q, sigma = np.full((2, *grid.shape, 2), np.nan)
+    found = np.ones(grid.shape, np.uint16)
+    rows, cols = rest.valid.shape
+    v, u = (one.ravel() for one in np.meshgrid(grid.v_px, grid.u_px, indexing="ij"))
+    inside = (v >= half) & (v < rows - half) & (u >= half) & (u < cols - half)
+    nodes = np.flatnonzero(inside)
+    v, u = v[inside].astype(np.intp), u[inside].astype(np.intp)
+    valid = _windows(rest.valid, v, u, half)
+    enough = valid.sum(axis=1) >= max(LEAST_SHARE * (2 * half + 1) ** 2, 7.0)
+    lost = ~enough
+    found.ravel()[nodes] = 0
+    found.ravel()[nodes[lost]] = _worst(_windows(rest.reason, v[lost], u[lost], half))
+    v, u, valid, nodes = v[enough], u[enough], valid[enough], nodes[enough]
+    y, x = (one.ravel() / half for one in np.mgrid[-half : half + 1, -half : half + 1])
+    basis = np.stack([np.ones(x.size), x, y, x * x, x * y, y * y], axis=-1)
+    for k in range(2):
+        place, spread = (_windows(one[..., k], v, u, half) for one in (rest.lcd_px, rest.sigma_px))
+        value, deviation = _quadratic(place, spread, valid, basis)
+        q.reshape(-1, 2)[nodes, k], sigma.reshape(-1, 2)[nodes, k] = value, deviation
+    return q, sigma, found
