@@ -36,7 +36,8 @@ def interpolation(a: Float) -> Float:
 
     def at(number: int, down: int, right: int) -> Float:
         """Diagonal or edges of the fine nodes so far from the coarse ones."""
-        return planes[number][1 + down : 2 * rows + down : 2, 1 + right : 2 * cols + right : 2]
+        found: Float = planes[number][1 + down : 2 * rows + down : 2, 1 + right : 2 * cols + right : 2]
+        return found
 
     p = np.zeros((8, rows + 2, cols + 2))
     inner = p[:, 1:-1, 1:-1]

@@ -14,7 +14,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from zeromethod.arrays import Float
+from zeromethod.arrays import Float, Single
 from zeromethod.surface.coarsening import dense
 from zeromethod.surface.multigrid import LatticeSolution
 
@@ -34,7 +34,7 @@ def _to_anchor(edges: Float, anchor: Float) -> Float:
 
     edges: (5, rows, cols), all with a border of one node.
     """
-    around = sum(edges[1:])
+    around = edges[1:].sum(axis=0)
     around[:, 1:] += edges[1, :, :-1]
     around[1:] += edges[2, :-1]
     around[1:, 1:] += edges[3, :-1, :-1]
@@ -44,15 +44,13 @@ def _to_anchor(edges: Float, anchor: Float) -> Float:
     inverse = np.linalg.inv(dense(np.stack([around + ground, *edges[1:]])))
     weights = anchor[1:-1, 1:-1].ravel()
     pull = inverse @ weights
-    out = np.zeros(anchor.shape)
-    out[1:-1, 1:-1].flat = np.diag(inverse) - 2.0 * pull + weights @ pull
-    return out
+    found = np.diag(inverse) - 2.0 * pull + weights @ pull
+    return np.pad(found.reshape(anchor.shape[0] - 2, -1), 1)
 
 
-def _restricted(p: Float, fine: Float) -> Float:
+def _restricted(p: Single, fine: Float) -> Float:
     """P^T times values of a fine lattice; all with a border of one node (`coarsening`)."""
-    out = np.zeros(p.shape[1:])
-    rows, cols = 2 * (out.shape[0] - 2), 2 * (out.shape[1] - 2)
+    rows, cols = 2 * (p.shape[1] - 2), 2 * (p.shape[2] - 2)
 
     def at(down: int, right: int) -> Float:
         return fine[1 + down : rows + down : 2, 1 + right : cols + right : 2]
@@ -60,11 +58,10 @@ def _restricted(p: Float, fine: Float) -> Float:
     here, east, south = p[:, 1:-1, 1:-1], p[:, 1:-1, :-2], p[:, :-2, 1:-1]
     total = at(0, 0) + here[0] * at(0, 1) + east[1] * at(0, -1) + here[2] * at(1, 0) + south[3] * at(-1, 0)
     total += here[4] * at(1, 1) + east[5] * at(1, -1)
-    out[1:-1, 1:-1] = total + south[6] * at(-1, 1) + p[7, :-2, :-2] * at(-1, -1)
-    return out
+    return np.pad(total + south[6] * at(-1, 1) + p[7, :-2, :-2] * at(-1, -1), 1)
 
 
-def _prolonged(p: Float, x: Float, shape: tuple[int, ...]) -> Float:
+def _prolonged(p: Single, x: Float, shape: tuple[int, ...]) -> Float:
     """P times values of a coarse lattice, on a fine lattice of a shape."""
     out = np.zeros(shape)
     rows, cols = 2 * (x.shape[0] - 2), 2 * (x.shape[1] - 2)
