@@ -41,7 +41,7 @@ PASSES = False, True
 
 
 def _polynomials(t: Float) -> tuple[Float, Float]:
-    """Weights (n, nodes) of values at `t` (n, nodes) in the value at 0 of their polynomial, and a lower one."""
+    """Weights (n, nodes) of values at `t` (n, nodes) in their polynomial at 0, and in a lower one."""
     basis: list[tuple[Float, Float]] = []
     weights = [np.zeros(t.shape)]
     one, value = np.ones(t.shape), np.ones(t.shape[1])
