@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from zeromethod.arrays import Float, Single
+from zeromethod.arrays import Float
+from zeromethod.kernels import kernel, read
 from zeromethod.surface.rays import MirrorRays
 
 _DEPTH_STEP_MM = 0.05
@@ -14,144 +17,48 @@ _SLOPE_STEP = 5e-3
 _Q_STEP_PX = 0.25
 _LEAST_SHARE = 0.1
 """Determinant relative to rest below which the first-order lever is not used (at P0 it vanishes)."""
-_BLOCK = 4096
-"""Nodes at a time, which fit the processor's nearest memory."""
 _LEAST_MIXING = 0.1
 """Determinant of the squared Jacobian over its rows', above which the components' noise is separable."""
 
 
-@numba.njit(cache=True, error_model="numpy", inline="always")
-def _inverse(
-    rest: Float, by: NDArray[np.float32], j: int, i: int, d: float, sx: float, sy: float
-) -> tuple[float, float, float, float, float]:
-    """Entries of a node's sensitivity at a depth and slope, row by row, and 1 over its determinant."""
-    ra, rb, rc, re = rest[0, j, i], rest[1, j, i], rest[2, j, i], rest[3, j, i]
-    a = ra + by[0, j, i] * d + by[4, j, i] * sx + by[8, j, i] * sy
-    b = rb + by[1, j, i] * d + by[5, j, i] * sx + by[9, j, i] * sy
-    c = rc + by[2, j, i] * d + by[6, j, i] * sx + by[10, j, i] * sy
-    e = re + by[3, j, i] * d + by[7, j, i] * sx + by[11, j, i] * sy
-    area, at_rest = a * e - b * c, ra * re - rb * rc
-    # also where depth or slope is NaN
-    moved = area * at_rest > _LEAST_SHARE * at_rest * at_rest
-    a, b, c, e = (a if moved else ra), (b if moved else rb), (c if moved else rc), (e if moved else re)
-    return a, b, c, e, 1.0 / (area if moved else at_rest)
-
-
-@numba.njit(cache=True, error_model="numpy", inline="always")
-def _noise(xu: float, xv: float, yu: float, yv: float, x2: float, y2: float) -> tuple[float, float]:
-    """Variance of the displacements along u and v from that of the warp, x2 and y2, and its Jacobian."""
-    xu, xv, yu, yv = xu * xu, xv * xv, yu * yu, yv * yv
-    mixing = xu * yv - xv * yu
-    per = 1.0 / mixing
-    p, q = (yv * x2 - xv * y2) * per, (xu * y2 - yu * x2) * per
-    if (abs(mixing) > _LEAST_MIXING * (xu + xv) * (yu + yv)) & (p > 0.0) & (q > 0.0):
-        return p, q
-    equal = (x2 + y2) / (xu + xv + yu + yv)
-    return equal, equal
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _spread(jacobian: Float, sigma: Float, out: Float) -> None:
+@kernel(read(numba.float64, 4), read(numba.float64, 3), numba.float64[:, :, ::1])
+def _noise(jacobian: Any, sigma: Any, out: Any) -> None:
+    """Variance (2, rows, cols) of the displacements along u and v, from a warp's Jacobian and its sigma."""
     for j in range(out.shape[1]):
         for i in range(out.shape[2]):
-            xu, xv = jacobian[j, i, 0, 0], jacobian[j, i, 0, 1]
-            yu, yv = jacobian[j, i, 1, 0], jacobian[j, i, 1, 1]
-            u2, v2 = _noise(xu, xv, yu, yv, sigma[j, i, 0] ** 2, sigma[j, i, 1] ** 2)
-            out[0, j, i] = xu * xu * u2 + xv * xv * v2
-            out[1, j, i] = xu * yu * u2 + xv * yv * v2
-            out[2, j, i] = yu * yu * u2 + yv * yv * v2
+            xu, xv, x2 = jacobian[j, i, 0, 0] ** 2, jacobian[j, i, 0, 1] ** 2, sigma[j, i, 0] ** 2
+            yu, yv, y2 = jacobian[j, i, 1, 0] ** 2, jacobian[j, i, 1, 1] ** 2, sigma[j, i, 1] ** 2
+            mixing = xu * yv - xv * yu
+            per = 1.0 / mixing
+            p, q = (yv * x2 - xv * y2) * per, (xu * y2 - yu * x2) * per
+            separable = (abs(mixing) > _LEAST_MIXING * (xu + xv) * (yu + yv)) & (p > 0.0) & (q > 0.0)
+            equal = (x2 + y2) / (xu + xv + yu + yv)
+            out[0, j, i], out[1, j, i] = (p if separable else equal), (q if separable else equal)
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _entry(
-    rest: Float, by: Single, d: Float, by_x: Single, sx: Float, by_y: Single, sy: Float, out: Float
-) -> None:
-    """One entry of sensitivities at a depth and slope."""
-    for i in range(len(out)):
-        out[i] = rest[i] + by[i] * d[i] + by_x[i] * sx[i] + by_y[i] * sy[i]
+_ROWS, _LINE = read(numba.float64, 2), read(numba.float64, 1)
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _per_area2(a: Float, b: Float, c: Float, e: Float, at_rest: Float, out: Float) -> int:
-    """1 over the square of determinants; how many are too small next to those at rest, or NaN.
+@kernel(_ROWS, _LINE, read(numba.float32, 2), _LINE, _ROWS, numba.float64[:, ::1])
+def _moved(rest: Any, at_rest: Any, by: Any, depth: Any, slope: Any, out: Any) -> None:
+    """Entries of sensitivities at a depth and slope, row by row, and 1 over their determinants, (5, n).
 
-    at_rest: 1 over those at rest.
+    at_rest: 1 over the determinants at rest.
     """
-    wrong = 0
-    for i in range(len(out)):
-        area = a[i] * e[i] - b[i] * c[i]
-        out[i] = 1.0 / (area * area)
-        wrong += not area * at_rest[i] > _LEAST_SHARE
-    return wrong
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _propagated(e: Float, b: Float, xx: Float, xy: Float, yy: Float, per2: Float, out: Float) -> None:
-    """Variance of one component of slopes."""
-    for i in range(len(out)):
-        square = e[i] * e[i] * xx[i] - 2.0 * e[i] * b[i] * xy[i] + b[i] * b[i] * yy[i]
-        out[i] = square * per2[i]
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _variance(
-    rest: Float,
-    at_rest: Float,
-    by: NDArray[np.float32],
-    depth: Float,
-    slope: Float,
-    spread: Float,
-    out: Float,
-) -> None:
-    """All with nodes last, (..., n), but the result (n, 2). at_rest: 1 over the determinant at rest.
-
-    Block by block, in loops over few arrays, which are vectorised. Without nodes in `depth`, at rest.
-    """
-    scratch, n = np.empty((7, _BLOCK)), rest.shape[1]
-    for start in range(0, n, _BLOCK):
-        part, size = slice(start, min(start + _BLOCK, n)), min(_BLOCK, n - start)
-        a, b, c, e = scratch[0, :size], scratch[1, :size], scratch[2, :size], scratch[3, :size]
-        per2, x2, y2 = scratch[4, :size], scratch[5, :size], scratch[6, :size]
-        if len(depth) == 0:
-            a, b, c, e = rest[0, part], rest[1, part], rest[2, part], rest[3, part]
-            per2[:] = at_rest[part] * at_rest[part]
+    for i in range(len(depth)):
+        d, sx, sy = depth[i], slope[0, i], slope[1, i]
+        a = rest[0, i] + by[0, i] * d + by[4, i] * sx + by[8, i] * sy
+        b = rest[1, i] + by[1, i] * d + by[5, i] * sx + by[9, i] * sy
+        c = rest[2, i] + by[2, i] * d + by[6, i] * sx + by[10, i] * sy
+        e = rest[3, i] + by[3, i] * d + by[7, i] * sx + by[11, i] * sy
+        area = a * e - b * c
+        if area * at_rest[i] > _LEAST_SHARE:
+            out[0, i], out[1, i], out[2, i], out[3, i], out[4, i] = a, b, c, e, 1.0 / area
         else:
+            # also where depth or slope is NaN
             for k in range(4):
-                of_depth, of_x, of_y, to = by[k, part], by[4 + k, part], by[8 + k, part], scratch[k, :size]
-                _entry(rest[k, part], of_depth, depth[part], of_x, slope[0, part], of_y, slope[1, part], to)
-            if _per_area2(a, b, c, e, at_rest[part], per2) > 0:
-                for i in range(size):
-                    inverse = at_rest[start + i]
-                    if not (a[i] * e[i] - b[i] * c[i]) * inverse > _LEAST_SHARE:
-                        scratch[:4, i], per2[i] = rest[:, start + i], inverse * inverse
-        xx, xy, yy, to = spread[0, part], spread[1, part], spread[2, part], out[part]
-        _propagated(e, b, xx, xy, yy, per2, x2)
-        _propagated(a, c, yy, xy, xx, per2, y2)
-        for i in range(size):
-            to[i, 0], to[i, 1] = x2[i], y2[i]
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _factor(
-    rest: Float,
-    by: NDArray[np.float32],
-    depth: Float,
-    slope: Float,
-    jacobian: Float,
-    sigma: Float,
-    out: Float,
-) -> None:
-    for j in range(rest.shape[1]):
-        for i in range(rest.shape[2]):
-            a, b, c, e, per = _inverse(rest, by, j, i, depth[j, i], slope[0, j, i], slope[1, j, i])
-            ju, jv = jacobian[j, i, 0, 0], jacobian[j, i, 0, 1]
-            ku, kv = jacobian[j, i, 1, 0], jacobian[j, i, 1, 1]
-            u2, v2 = _noise(ju, jv, ku, kv, sigma[j, i, 0] ** 2, sigma[j, i, 1] ** 2)
-            su, sv = np.sqrt(u2) * per, np.sqrt(v2) * per
-            out[j, i, 0, 0] = (e * ju - b * ku) * su
-            out[j, i, 0, 1] = (e * jv - b * kv) * sv
-            out[j, i, 1, 0] = (a * ku - c * ju) * su
-            out[j, i, 1, 1] = (a * kv - c * jv) * sv
+                out[k, i] = rest[k, i]
+            out[4, i] = at_rest[i]
 
 
 class Lever:
@@ -201,6 +108,7 @@ class Lever:
         """Sensitivity (4, rows, cols) at rest, row by row; its change (12, ...) by depth and slope x, y."""
         return self._planes, self._by
 
+    @np.errstate(all="ignore")
     def factor(self, jacobian: Float, sigma_q: Float, depth_mm: Float, slope: Float) -> Float:
         """Matrix (rows, cols, 2, 2), rad: slope's error = factor @ (unit noise along u, along v).
 
@@ -209,27 +117,47 @@ class Lever:
         equal size where the equations do not separate them (a camera turned by 45 degrees). depth_mm (rows,
         cols) and slope (rows, cols, 2): the mirror as read; NaN counts as at rest.
         """
+        a, b, c, e, per_area = self._at_mirror(depth_mm, slope)
+        noise = np.empty((2, *depth_mm.shape))
+        _noise(jacobian, sigma_q, noise)
         out = np.empty(jacobian.shape)
-        slopes = np.ascontiguousarray(np.moveaxis(slope, -1, 0))
-        _factor(self._planes, self._by, depth_mm, slopes, jacobian, sigma_q, out)
+        for axis in (0, 1):
+            x, y, size = jacobian[..., 0, axis], jacobian[..., 1, axis], np.sqrt(noise[axis]) * per_area
+            out[..., 0, axis] = (e * x - b * y) * size
+            out[..., 1, axis] = (a * y - c * x) * size
         return out
 
+    @np.errstate(all="ignore")
     def spread(self, jacobian: Float, sigma_q: Float) -> Float:
         """Covariance (3, rows, cols) of a warp, LCD px^2: of x, of x with y, of y; arguments as `factor`."""
-        out = np.empty((3, *sigma_q.shape[:-1]))
-        _spread(jacobian, sigma_q, out)
+        noise = np.empty((2, *sigma_q.shape[:-1]))
+        _noise(jacobian, sigma_q, noise)
+        (xu, xv, yu, yv), (u2, v2) = _planes(jacobian), noise
+        along_u, along_v, out = xu * u2, xv * v2, np.empty((3, *u2.shape))
+        np.add(xu * along_u, xv * along_v, out=out[0])
+        np.add(yu * along_u, yv * along_v, out=out[1])
+        np.add(yu * yu * u2, yv * yv * v2, out=out[2])
         return out
 
+    @np.errstate(all="ignore")
     def variance(self, spread: Float, depth_mm: Float | None = None, slope: Float | None = None) -> Float:
         """Variance (rows, cols, 2) of slope, rad^2, by `factor`; without depth and slope that at rest."""
-        out = np.empty((*spread.shape[1:], 2))
-        n = self._per_area.size
-        planes, by, spreads = self._planes.reshape(4, n), self._by.reshape(12, n), spread.reshape(3, n)
         if depth_mm is None or slope is None:
-            depth, slopes = np.empty(0), np.empty((2, 0))
+            a, b, c, e, per_area = *self._planes, self._per_area
         else:
-            depth, slopes = depth_mm.reshape(n), np.moveaxis(slope, -1, 0).reshape(2, n)
-        _variance(planes, self._per_area.reshape(n), by, depth, slopes, spreads, out.reshape(n, 2))
+            a, b, c, e, per_area = self._at_mirror(depth_mm, slope)
+        xx, xy, yy = spread
+        per2 = per_area * per_area
+        out = np.empty((*per2.shape, 2))
+        out[..., 0] = (e * (e * xx - b * xy) + b * (b * yy - e * xy)) * per2
+        out[..., 1] = (a * (a * yy - c * xy) + c * (c * xx - a * xy)) * per2
+        return out
+
+    def _at_mirror(self, depth_mm: Float, slope: Float) -> Float:
+        """Entries (4, ...) of the sensitivity at a depth and slope, and 1 over its determinant."""
+        out, n = np.empty((5, *depth_mm.shape)), depth_mm.size
+        of_rest = self._planes.reshape(4, n), self._per_area.reshape(n), self._by.reshape(12, n)
+        _moved(*of_rest, depth_mm.reshape(n), np.moveaxis(slope, -1, 0).reshape(2, n), out.reshape(5, n))
         return out
 
 

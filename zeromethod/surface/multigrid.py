@@ -17,8 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zeromethod.arrays import Float
+from zeromethod.kernels import kernel, piece, read
 from zeromethod.rounding import REORDERED
-from zeromethod.surface.coarsening import coarse, dense, interpolation
+from zeromethod.surface.coarsening import WAYS, coarse, dense, interpolation
 
 _FEWEST = 5
 """Nodes along an axis of the coarsest lattice, which is solved directly, at most."""
@@ -28,14 +29,15 @@ _STEPS = 0.562, 1.389
 """Lengths of the two damped steps that smooth: Chebyshev's, for eigenvalues of 0.5 to 2 over the diagonal."""
 _ROUNDING = 1e-14
 """Diagonal over the finest lattice's largest up to which a node has no edges but what rounding left."""
-_WAYS = (0, 1), (1, 0), (1, 1), (1, -1)
-"""Rows and columns from a node to those at the ends of its edges."""
 EXACT = 1e-11
 """Share of the error that is left by default."""
 _MOST_CYCLES = 300
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
+_fast = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=REORDERED)
+
+
+@_fast
 def _left(edges: Any, five: bool, b: Any, x: Any, out: Any) -> None:
     """What A x leaves of b; edges: (diagonal, east, south, south-east, south-west).
 
@@ -56,9 +58,9 @@ def _left(edges: Any, five: bool, b: Any, x: Any, out: Any) -> None:
         left[k] += south[k] * down[k] + from_north[k] * up[k]
     if five:
         return
-    for row, col, plane in ((width, 1, 3), (width, -1, 4)):
+    for row, col, number in ((width, 1, 3), (width, -1, 4)):
         to = row + col
-        edge, back = a[plane][at], a[plane][width + 1 - to : width + 1 - to + size]
+        edge, back = a[number][at], a[number][width + 1 - to : width + 1 - to + size]
         ahead, behind = (
             value[width + 1 + to : width + 1 + to + size],
             value[width + 1 - to : width + 1 - to + size],
@@ -67,24 +69,17 @@ def _left(edges: Any, five: bool, b: Any, x: Any, out: Any) -> None:
             left[k] += edge[k] * ahead[k] + back[k] * behind[k]
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
-def _begin(inverse: Any, length: Any, r: Any, x: Any) -> None:
-    """A damped step from 0."""
+@_fast
+def _step(inverse: Any, length: Any, r: Any, x: Any, first: bool) -> None:
+    """A damped step: x += length * r / diagonal; the first one from 0."""
     per, left, value = inverse.reshape(x.size), r.reshape(x.size), x.reshape(x.size)
     for k in range(x.size):
-        value[k] = length * per[k] * left[k]
+        before = np.float32(0.0) if first else value[k]
+        value[k] = before + length * per[k] * left[k]
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
-def _add(inverse: Any, length: Any, r: Any, x: Any) -> None:
-    """A damped step: x += length * r / diagonal."""
-    per, left, value = inverse.reshape(x.size), r.reshape(x.size), x.reshape(x.size)
-    for k in range(x.size):
-        value[k] += length * per[k] * left[k]
-
-
-@numba.njit(cache=True, error_model="numpy")
-def restrict(p: Any, r: Any, out: Any) -> None:
+@piece
+def _restrict(p: Any, r: Any, out: Any) -> None:
     """P^T r."""
     for i in range(1, out.shape[0] - 1):
         k = 2 * i - 1
@@ -96,8 +91,8 @@ def restrict(p: Any, r: Any, out: Any) -> None:
             out[i, j] = total + p[6, i - 1, j] * r[k - 1, m + 1] + p[7, i - 1, j - 1] * r[k - 1, m - 1]
 
 
-@numba.njit(cache=True, error_model="numpy")
-def prolong(p: Any, x: Any, out: Any) -> None:
+@piece
+def _prolong(p: Any, x: Any, out: Any) -> None:
     """Add P x."""
     for i in range(1, x.shape[0] - 1):
         k = 2 * i - 1
@@ -110,29 +105,29 @@ def prolong(p: Any, x: Any, out: Any) -> None:
             out[k + 1, m + 1] += p[4, i, j] * a + p[5, i, j] * b + p[6, i, j] * c + p[7, i, j] * d
 
 
-@numba.njit(cache=True, error_model="numpy")
-def plane(flat: Any, size: Any, level: int, planes: int) -> Any:
+@piece
+def _planes(flat: Any, size: Any, level: int, planes: int) -> Any:
     """Planes of one lattice out of an array that holds those of all, one lattice after the other."""
     rows, cols = size[level, 0], size[level, 1]
     at = planes * size[level, 2]
     return flat[at : at + planes * rows * cols].reshape(planes, rows, cols)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@piece
 def _cycle(size: Any, edges: Any, inverse: Any, p: Any, coarsest: Any, b: Any, x: Any, r: Any) -> None:
     """One V-cycle from 0, from b to x of the finest lattice; the others', and r, are scratch."""
     last = len(size) - 1
     first, second = np.float32(_STEPS[0]), np.float32(_STEPS[1])
     for level in range(last):
-        a, per = plane(edges, size, level, 5), plane(inverse, size, level, 1)[0]
-        given, found = plane(b, size, level, 1)[0], plane(x, size, level, 1)[0]
-        left = plane(r, size, level, 1)[0]
-        _begin(per, first, given, found)
+        a, per = _planes(edges, size, level, 5), _planes(inverse, size, level, 1)[0]
+        given, found = _planes(b, size, level, 1)[0], _planes(x, size, level, 1)[0]
+        left = _planes(r, size, level, 1)[0]
+        _step(per, first, given, found, True)
         _left(a, level == 0, given, found, left)
-        _add(per, second, left, found)
+        _step(per, second, left, found, False)
         _left(a, level == 0, given, found, left)
-        restrict(plane(p, size, level + 1, 8), left, plane(b, size, level + 1, 1)[0])
-    given, found = plane(b, size, last, 1)[0], plane(x, size, last, 1)[0]
+        _restrict(_planes(p, size, level + 1, 8), left, _planes(b, size, level + 1, 1)[0])
+    given, found = _planes(b, size, last, 1)[0], _planes(x, size, last, 1)[0]
     cols = given.shape[1] - 2
     for k in range(len(coarsest)):
         total = np.float32(0.0)
@@ -140,50 +135,43 @@ def _cycle(size: Any, edges: Any, inverse: Any, p: Any, coarsest: Any, b: Any, x
             total += coarsest[k, m] * given[1 + m // cols, 1 + m % cols]
         found[1 + k // cols, 1 + k % cols] = total
     for level in range(last - 1, -1, -1):
-        a, per = plane(edges, size, level, 5), plane(inverse, size, level, 1)[0]
-        given, found = plane(b, size, level, 1)[0], plane(x, size, level, 1)[0]
-        left = plane(r, size, level, 1)[0]
-        prolong(plane(p, size, level + 1, 8), plane(x, size, level + 1, 1)[0], found)
+        a, per = _planes(edges, size, level, 5), _planes(inverse, size, level, 1)[0]
+        given, found = _planes(b, size, level, 1)[0], _planes(x, size, level, 1)[0]
+        left = _planes(r, size, level, 1)[0]
+        _prolong(_planes(p, size, level + 1, 8), _planes(x, size, level + 1, 1)[0], found)
         _left(a, level == 0, given, found, left)
-        _add(per, second, left, found)
+        _step(per, second, left, found, False)
         _left(a, level == 0, given, found, left)
-        _add(per, first, left, found)
+        _step(per, first, left, found, False)
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
-def _dot(one: Any, other: Any) -> float:
-    """Sum of products, in double precision."""
-    total = 0.0
-    for k in range(len(one)):
-        total += one[k] * np.float64(other[k])
-    return total
+_ALL = read(numba.float32, 1)
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
+@kernel(
+    read(numba.int64, 2), read(numba.float64, 3), _ALL, _ALL, _ALL, read(numba.float32, 2), numba.float64,
+    numba.int64, numba.float32[:, ::1], numba.float64[:, :, ::1], numba.float64[:, ::1],
+    fastmath=REORDERED,
+)  # fmt: skip
 def _gradients(
-    size: Any,
-    matrix: Any,
-    edges: Any,
-    inverse: Any,
-    p: Any,
-    coarsest: Any,
-    rhs: Any,
-    share: float,
-    most_cycles: int,
-    out: Any,
-) -> None:
-    """Conjugate gradients, added to `out`, until less than `share` is left; NaN where more stays."""
-    b, x, r = np.zeros_like(inverse), np.zeros_like(inverse), np.zeros_like(inverse)
-    shape, count = rhs.shape, rhs.size
-    left, along, bent, none = rhs.copy(), np.zeros(shape), np.zeros(shape), np.zeros(shape)
-    flat_left, flat_along, flat_bent = left.ravel(), along.ravel(), bent.ravel()
-    flat_out = out.reshape(count)
-    energy = first = 0.0
+    size: Any, matrix: Any, edges: Any, inverse: Any, p: Any, coarsest: Any, share: float, most_cycles: int,
+    single: Any, double: Any, out: Any,
+) -> None:  # fmt: skip
+    """Conjugate gradients, into `out`, until less than `share` is left; NaN where more stays.
+
+    out: (rows, cols), 0. double: (4, rows, cols), the right-hand side first, else 0. single: (3, nodes of all
+    lattices), 0.
+    """
+    b, x, r = single[0], single[1], single[2]
+    left, along, bent = double[0].reshape(out.size), double[1].reshape(out.size), double[2].reshape(out.size)
+    found, energy, first = out.reshape(out.size), 0.0, 0.0
     for cycle in range(most_cycles):
-        for k in range(count):
-            b[k] = flat_left[k]
+        for k in range(out.size):
+            b[k] = left[k]
         _cycle(size, edges, inverse, p, coarsest, b, x, r)
-        before, energy = energy, _dot(flat_left, x)
+        before, energy = energy, 0.0
+        for k in range(out.size):
+            energy += left[k] * np.float64(x[k])
         if cycle == 0:
             first = energy
         if not energy > share * share * first:
@@ -193,16 +181,20 @@ def _gradients(
         turn = energy / before if cycle else 0.0
         # what is left once this step is taken, if it helps as much as the one before
         last = cycle > 0 and energy * turn < share * share * first
-        for k in range(count):
-            flat_along[k] = x[k] + turn * flat_along[k]
-        _left(matrix, True, none, along, bent)
-        length = -energy / _dot(flat_along, flat_bent)
-        for k in range(count):
-            flat_out[k] += length * flat_along[k]
-            flat_left[k] += length * flat_bent[k]
+        for k in range(out.size):
+            along[k] = x[k] + turn * along[k]
+        _left(matrix, True, double[3], double[1], double[2])
+        bend = 0.0
+        for k in range(out.size):
+            bend += along[k] * bent[k]
+        length = -energy / bend
+        for k in range(out.size):
+            found[k] += length * along[k]
+            left[k] += length * bent[k]
         if last:
             return
-    flat_out[:] = np.nan
+    for k in range(out.size):
+        found[k] = np.nan
 
 
 def _flat(parts: list[Float], places: NDArray[np.intp]) -> NDArray[np.float32]:
@@ -223,7 +215,7 @@ def _inverse(edges: Float) -> Float:
     diagonal = edges[0]
     if edges.min() < 0.0:
         wrong = np.maximum(-edges[1:], 0.0)
-        others = [np.roll(one, way, (0, 1)) for one, way in zip(wrong, _WAYS, strict=True)]
+        others = [np.roll(one, way, (0, 1)) for one, way in zip(wrong, WAYS, strict=True)]
         diagonal = diagonal + wrong.sum(axis=0) + np.sum(others, axis=0)
     return np.asarray(np.divide(1.0, diagonal, out=np.zeros_like(diagonal), where=diagonal > 0.0))
 
@@ -256,9 +248,8 @@ class LatticeSolution:
         lattices, between, least = [matrix], [np.zeros(0)], _ROUNDING * matrix[0].max()
         while max(rows, cols) > _FEWEST:
             rows, cols = (rows + 1) // 2, (cols + 1) // 2
-            p, coarser = (np.zeros((planes, rows + 2, cols + 2)) for planes in (8, 5))
-            interpolation(lattices[-1], p)
-            coarse(lattices[-1], p, coarser)
+            p = interpolation(lattices[-1])
+            coarser = coarse(lattices[-1], p)
             # an island within one coarse node has no edge to others: what is left would be inverted, too
             coarser *= coarser[0] > least
             lattices.append(coarser)
@@ -281,24 +272,19 @@ class LatticeSolution:
         share: of the energy's root that may be left. most_cycles: even a comb of single nodes takes fewer.
         NaN everywhere if more is left after these.
         """
-        shape = self.matrix.shape[1:]
-        given, found = np.zeros(shape), np.zeros(shape)
-        out = np.empty(rhs.shape)
-        for one, result in zip(
-            rhs.reshape(-1, *rhs.shape[-2:]), out.reshape(-1, *rhs.shape[-2:]), strict=True
-        ):
-            given[1:-1, 1:-1], found[:] = one, 0.0
-            _gradients(
-                self.size,
-                self.matrix,
-                self.edges,
-                self.inverse,
-                self.interpolation,
-                self.coarsest,
-                given,
-                share,
-                most_cycles,
-                found,
+        lattices = self.size, self.matrix, self.edges, self.inverse, self.interpolation, self.coarsest
+        solutions = np.empty(rhs.shape)
+        for place in np.ndindex(rhs.shape[:-2]):
+            single, double = (
+                np.zeros((3, self.inverse.size), np.float32),
+                np.zeros((5, *self.matrix.shape[1:])),
             )
-            result[:] = found[1:-1, 1:-1]
-        return out
+            double[0, 1:-1, 1:-1] = rhs[place]
+            _gradients(*lattices, share, most_cycles, single, double[:4], double[4])
+            solutions[place] = double[4, 1:-1, 1:-1]
+        return solutions
+
+    def planes(self, flat: NDArray[np.float32], level: int, count: int) -> NDArray[np.float32]:
+        """Planes (count, rows, cols) of one lattice out of the flat array of all."""
+        rows, cols, before = self.size[level]
+        return flat[count * before : count * (before + rows * cols)].reshape(count, rows, cols)

@@ -199,7 +199,7 @@ def _summit(surface: Surface, row: int, col: int) -> _Summit | None:
         coefficients, powers = finer
     else:
         reach = _REACH
-    of_depth = np.ascontiguousarray(coefficients[:, 0]), np.array(powers)
+    of_depth = coefficients[:, 0].tolist(), powers
     offset = stationary(lambda *place: polynomial(*of_depth, *place), np.zeros(2), reach, 1e-9)
     if offset is None:
         return None

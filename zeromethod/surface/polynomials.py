@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
+from math import perm
 
-import numba
 import numpy as np
 
-from zeromethod.arrays import Float, Ints
+from zeromethod.arrays import Float
 
 _STEPS = 8
 
@@ -25,19 +25,15 @@ def whole_window(reach: int, degree: int) -> Float:
     return np.asarray(np.linalg.pinv(terms(a, b, powers_of(degree))), dtype=np.float64)
 
 
-@numba.njit(cache=True, error_model="numpy")
-def polynomial(coefficients: Float, powers: Ints, at: Float, da: int, db: int) -> float:
-    """Sum of c a^i b^j, powers (n, 2), at (a, b), differentiated da times by a and db times by b."""
+def polynomial(
+    coefficients: list[float], powers: list[tuple[int, int]], at: Float, da: int, db: int
+) -> float:
+    """Sum of c a^i b^j at (a, b), differentiated da times by a and db times by b."""
+    a, b = at.tolist()
     total = 0.0
-    for k in range(len(powers)):
-        i, j, part = powers[k, 0], powers[k, 1], coefficients[k]
-        for m in range(da):
-            part *= i - m
-        for m in range(db):
-            part *= j - m
-        # else 0, by the factor 0 above
+    for c, (i, j) in zip(coefficients, powers, strict=True):
         if i >= da and j >= db:
-            total += part * at[0] ** (i - da) * at[1] ** (j - db)
+            total += c * perm(i, da) * perm(j, db) * a ** (i - da) * b ** (j - db)
     return total
 
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from copy import copy
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
 
 from zeromethod.arrays import Float, Mask
+from zeromethod.kernels import kernel, read
 from zeromethod.optics import Flat, Optics
 from zeromethod.optics.saw_rays import exit_tooth
 from zeromethod.surface.node_passes import diagonal
@@ -22,64 +24,33 @@ _PROBE_MM = 1e-3
 """Step along a ray by which the change of the rest surface's slope is found."""
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _go_on(start: Float, way: Float, by: Float, out: Float) -> None:
-    """Points (3, rows, cols) `by` (rows, cols) times the way from the start."""
-    for k in range(len(out)):
-        for i in range(out.shape[1]):
-            for j in range(out.shape[2]):
-                out[k, i, j] = start[k, i, j] + by[i, j] * way[k, i, j]
+_LINE, _LINES = read(numba.float64, 1), read(numba.float64, 2)
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _add(by: Float, rate: Float, out: Float) -> None:
-    """Add `by` (n,) times a rate (n,); a rate of NaN changes nothing where `by` is 0."""
-    for k in range(len(out)):
-        out[k] += by[k] * rate[k] if by[k] != 0.0 else 0.0
+@kernel(
+    _LINE, _LINE, _LINES, _LINES, numba.float64[::1], numba.float64[:, ::1], numba.float64[:, ::1],
+    fastmath={"contract", "reassoc", "nsz"},
+)  # fmt: skip
+def _move(by: Any, traced: Any, rate: Any, way: Any, depth: Any, slope: Any, point: Any) -> float:
+    """Add `by` (n,) to depth, and what follows to slopes (2, n) and points (3, n).
 
-
-@numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
-def _twice(by: Float, away: Float, rate_x: Float, rate_y: Float) -> float:
-    """Mean, where `by` (n,) is not 0, of the square of what slope has turned by twice."""
+    A rate or way of NaN changes nothing where `by` is 0. Root mean square, where it is not, of what slope has
+    turned by twice, which is the next order.
+    """
     total, count = 0.0, 0
     for k in range(len(by)):
-        there = by[k] != 0.0
-        turned2 = (rate_x[k] * rate_x[k] + rate_y[k] * rate_y[k]) * away[k] * away[k]
+        depth[k] += by[k]
+        away, there = depth[k] - traced[k], by[k] != 0.0
+        turned2 = (rate[0, k] * rate[0, k] + rate[1, k] * rate[1, k]) * away * away
         total += turned2 * turned2 if there else 0.0
         count += there
-    return total / max(count, 1)
-
-
-@numba.njit(cache=True, error_model="numpy", fastmath={"nnan", "nsz"})
-def _largest(by: Float) -> float:
-    """Largest size of finite values (n,)."""
-    largest = 0.0
-    for k in range(len(by)):
-        size = abs(by[k])
-        largest = size if size > largest else largest
-    return largest
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _move(
-    by: Float, traced: Float, depth: Float, rate: Float, way: Float, slope: Float, point: Float
-) -> tuple[float, float]:
-    """Add to depth (rows, cols), and what follows to slopes (2, rows, cols) and points (3, ...).
-
-    The largest step; the root mean square of what slope has turned by twice, which is the next order.
-    """
-    n = by.size
-    step, away, started = by.reshape(n), np.empty(n), traced.reshape(n)
-    rates, ways = rate.reshape(2, n), way.reshape(3, n)
-    deep, slopes, points = depth.reshape(n), slope.reshape(2, n), point.reshape(3, n)
-    for k in range(n):
-        deep[k] += step[k]
-        away[k] = deep[k] - started[k]
     for axis in range(2):
-        _add(step, rates[axis], slopes[axis])
+        for k in range(len(by)):
+            slope[axis, k] += by[k] * rate[axis, k] if by[k] != 0.0 else 0.0
     for axis in range(3):
-        _add(step, ways[axis], points[axis])
-    return _largest(step), np.sqrt(_twice(step, away, rates[0], rates[1]))
+        for k in range(len(by)):
+            point[axis, k] += by[k] * way[axis, k] if by[k] != 0.0 else 0.0
+    return math.sqrt(total / max(count, 1))
 
 
 class Look(NamedTuple):
@@ -99,8 +70,12 @@ class Look(NamedTuple):
 
     def move(self, by_mm: Float) -> tuple[float, float]:
         """Add to the depth (rows, cols); its largest step, and what following costs the depth's shape, mm."""
-        fields = self.traced, self.depth, self.rate, self.way, self.slope, self.point
-        step_mm, turned = _move(by_mm, *fields)
+        n = by_mm.size
+        rate, way, slope, point = (
+            one.reshape(len(one), n) for one in (self.rate, self.way, self.slope, self.point)
+        )
+        turned = _move(by_mm.ravel(), self.traced.ravel(), rate, way, self.depth.reshape(n), slope, point)
+        step_mm = float(np.fmax.reduce(np.abs(by_mm), axis=None, initial=0.0))
         return step_mm, _CURVED * self.extent_mm * turned
 
 
@@ -147,8 +122,8 @@ class MirrorRays:
     def _points(self, depth_mm: Float) -> Float:
         """Mirror points (3, rows, cols) in mm at the given depths (rows, cols)."""
         direction, rest = self._direction, self._rest
-        point = np.empty(self._rest_point.shape)
-        _go_on(self._rest_point, self._way_per_depth, depth_mm, point)
+        point: Float = self._way_per_depth * depth_mm
+        point += self._rest_point
         if isinstance(rest, Flat):
             return point
         for _ in range(_STEPS):

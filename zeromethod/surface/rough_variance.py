@@ -1,4 +1,4 @@
-"""Rough variance of integrated depth at every node, from the multigrid's own lattices; compiled.
+"""Rough variance of integrated depth at every node, from the multigrid's own lattices.
 
 A node's depth is as uncertain as the resistance between it and the anchor, edges taken as conductors. Of
 that, the surroundings of each size have their share: each octave of a plane of conductors w has ln 2 / (2
@@ -12,11 +12,11 @@ rims: what is left varies so slowly that few nodes say it.
 from __future__ import annotations
 
 import cv2
-import numba
 import numpy as np
 
-from zeromethod.arrays import Float
-from zeromethod.surface.multigrid import LatticeSolution, plane, prolong, restrict
+from zeromethod.arrays import Float, Single
+from zeromethod.surface.coarsening import dense
+from zeromethod.surface.multigrid import LatticeSolution
 
 _MOST_NODES = 400
 """Of the lattice that is solved."""
@@ -29,58 +29,49 @@ _GROUND = 1e-9
 """Conductance from every node to a common one, over the largest, without which there is no inverse."""
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _to_anchor(edges: Float, anchor: Float, out: Float) -> None:
+def _to_anchor(edges: Float, anchor: Float) -> Float:
     """Resistance between each node of a lattice (rows, cols) and the mean with the anchor's weights.
 
-    edges: (5, rows, cols), all with a border of one node. By Cholesky's factor of a band.
+    edges: (5, rows, cols), all with a border of one node.
     """
-    rows, cols = anchor.shape[0] - 2, anchor.shape[1] - 2
-    count, wide = rows * cols, cols + 1
-    band = np.zeros((count, wide + 1))
-    ground = _GROUND * edges[0].max()
-    for k in range(count):
-        i, j = 1 + k // cols, 1 + k % cols
-        # not the diagonal, by whose rounding there may be no root
-        around = edges[1, i, j] + edges[1, i, j - 1] + edges[2, i, j] + edges[2, i - 1, j]
-        around += edges[3, i, j] + edges[3, i - 1, j - 1] + edges[4, i, j] + edges[4, i - 1, j + 1]
-        band[k, wide] = around + ground
-        band[k, wide - 1] = -edges[1, i, j - 1]
-        band[k, wide - cols] -= edges[2, i - 1, j]
-        band[k, wide - cols - 1] = -edges[3, i - 1, j - 1]
-        band[k, wide - cols + 1] -= edges[4, i - 1, j + 1]
-    for k in range(count):
-        first = max(0, k - wide)
-        for m in range(first, k + 1):
-            total = band[k, m - k + wide]
-            for n in range(max(first, m - wide), m):
-                total -= band[k, n - k + wide] * band[m, n - m + wide]
-            band[k, m - k + wide] = np.sqrt(total) if m == k else total / band[m, wide]
-    half, pull = np.empty(count), np.empty(count)
-    for k in range(count):
-        half[k] = anchor[1 + k // cols, 1 + k % cols]
-    _forward(band, half, 0)
-    pull[:] = half
-    for k in range(count - 1, -1, -1):
-        pull[k] /= band[k, wide]
-        for m in range(max(0, k - wide), k):
-            pull[m] -= band[k, m - k + wide] * pull[k]
-    own = (half * half).sum()
-    for k in range(count):
-        half[:], half[k] = 0.0, 1.0
-        _forward(band, half, k)
-        out[1 + k // cols, 1 + k % cols] = (half[k:] * half[k:]).sum() - 2.0 * pull[k] + own
+    around = edges[1:].sum(axis=0)
+    around[:, 1:] += edges[1, :, :-1]
+    around[1:] += edges[2, :-1]
+    around[1:, 1:] += edges[3, :-1, :-1]
+    around[1:, :-1] += edges[4, :-1, 1:]
+    # not the diagonal, by whose rounding there may be no inverse
+    ground = _GROUND * edges[0].max() or 1.0
+    inverse = np.linalg.inv(dense(np.stack([around + ground, *edges[1:]])))
+    weights = anchor[1:-1, 1:-1].ravel()
+    pull = inverse @ weights
+    found = np.diag(inverse) - 2.0 * pull + weights @ pull
+    return np.pad(found.reshape(anchor.shape[0] - 2, -1), 1)
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _forward(band: Float, right: Float, first: int) -> None:
-    """Solve with the band's factor (n, wide + 1), in place; the right-hand side is 0 before `first`."""
-    wide = band.shape[1] - 1
-    for k in range(first, len(right)):
-        total = right[k]
-        for m in range(max(first, k - wide), k):
-            total -= band[k, m - k + wide] * right[m]
-        right[k] = total / band[k, wide]
+def _restricted(p: Single, fine: Float) -> Float:
+    """P^T times values of a fine lattice; all with a border of one node (`coarsening`)."""
+    rows, cols = 2 * (p.shape[1] - 2), 2 * (p.shape[2] - 2)
+
+    def at(down: int, right: int) -> Float:
+        return fine[1 + down : rows + down : 2, 1 + right : cols + right : 2]
+
+    here, east, south = p[:, 1:-1, 1:-1], p[:, 1:-1, :-2], p[:, :-2, 1:-1]
+    total = at(0, 0) + here[0] * at(0, 1) + east[1] * at(0, -1) + here[2] * at(1, 0) + south[3] * at(-1, 0)
+    total += here[4] * at(1, 1) + east[5] * at(1, -1)
+    return np.pad(total + south[6] * at(-1, 1) + p[7, :-2, :-2] * at(-1, -1), 1)
+
+
+def _prolonged(p: Single, x: Float, shape: tuple[int, ...]) -> Float:
+    """P times values of a coarse lattice, on a fine lattice of a shape."""
+    out = np.zeros(shape)
+    rows, cols = 2 * (x.shape[0] - 2), 2 * (x.shape[1] - 2)
+    here, east, south, both = x[1:-1, 1:-1], x[1:-1, 2:], x[2:, 1:-1], x[2:, 2:]
+    p = p[:, 1:-1, 1:-1]
+    out[1:rows:2, 1:cols:2] = here
+    out[1:rows:2, 2 : cols + 1 : 2] = p[0] * here + p[1] * east
+    out[2 : rows + 1 : 2, 1:cols:2] = p[2] * here + p[3] * south
+    out[2 : rows + 1 : 2, 2 : cols + 1 : 2] = p[4] * here + p[5] * east + p[6] * south + p[7] * both
+    return out
 
 
 def log_rough_variance(solution: LatticeSolution, anchor: Float) -> Float:
@@ -89,22 +80,19 @@ def log_rough_variance(solution: LatticeSolution, anchor: Float) -> Float:
     anchor: weights (rows, cols) that add up to 1. Means nothing at nodes without an edge.
     """
     size, level = solution.size, 0
-    weights = np.zeros(size[0, :2])
-    weights[1:-1, 1:-1] = anchor
+    weights = np.pad(anchor, 1)
     while (size[level, 0] - 2) * (size[level, 1] - 2) > _MOST_NODES and level + 1 < len(size):
         level += 1
-        finer, weights = weights, np.zeros(size[level, :2])
-        restrict(plane(solution.interpolation, size, level, 8), finer, weights)
-    found = np.zeros(size[level, :2])
-    edges = solution.matrix if level == 0 else plane(solution.edges, size, level, 5)
-    _to_anchor(edges.astype(np.float64), weights, found)
+        weights = _restricted(solution.planes(solution.interpolation, level, 8), weights)
+    edges = solution.matrix if level == 0 else solution.planes(solution.edges, level, 5)
+    found = _to_anchor(edges.astype(np.float64), weights)
     for finer_level in range(level - 1, -1, -1):
         # where noise changes by orders of magnitude from node to node, the larger one must not spread
         log = np.log(np.where(found > 0.0, found, 1.0))
-        found = np.zeros(size[finer_level, :2])
-        prolong(plane(solution.interpolation, size, finer_level + 1, 8), log, found)
-        own = plane(solution.inverse, size, finer_level, 1)[0]
-        found = np.exp(found) + (_COARSER if finer_level else _FINEST) * own
+        p = solution.planes(solution.interpolation, finer_level + 1, 8)
+        found = np.exp(_prolonged(p, log, tuple(size[finer_level, :2])))
+        own = solution.planes(solution.inverse, finer_level, 1)[0]
+        found += (_COARSER if finer_level else _FINEST) * own
     known = np.asarray(solution.matrix[0] > 0.0, np.float64)
     log = known * np.log(np.where(found > 0.0, found, 1.0))
     total, count = (

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import numba
 import numpy as np
 
 from zeromethod.arrays import Float, Ints, Mask
@@ -41,150 +40,102 @@ PASSES = False, True
 """Slope is carried twice: at depth 0, then at the depth that this gave. Whether each is the last time."""
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _polynomial(t: Float, weight: Float, degree: int) -> None:
-    """Into `weight` (n,) the weights of values at `t` (n,) in their polynomial's value at 0."""
-    n = len(t)
-    basis = np.empty((degree + 1, n))
-    at_zero = np.empty(degree + 1)
-    weight[:] = 0.0
-    for k in range(degree + 1):
+def _polynomials(t: Float) -> tuple[Float, Float]:
+    """Weights (n, nodes) of values at `t` (n, nodes) in their polynomial at 0, and in a lower one."""
+    basis: list[tuple[Float, Float]] = []
+    weights = [np.zeros(t.shape)]
+    one, value = np.ones(t.shape), np.ones(t.shape[1])
+    for _ in range(_DEGREE + 1):
         # each is t times the one before, made orthogonal to all before: stable for any places
-        for i in range(n):
-            basis[k, i] = 1.0 if k == 0 else t[i] * basis[k - 1, i]
-        value = 1.0 if k == 0 else 0.0
-        for other in range(k):
-            share = 0.0
-            for i in range(n):
-                share += basis[k, i] * basis[other, i]
-            for i in range(n):
-                basis[k, i] -= share * basis[other, i]
-            value -= share * at_zero[other]
-        size = np.sqrt((basis[k] * basis[k]).sum())
-        basis[k] /= size
-        at_zero[k] = value / size
-        for i in range(n):
-            weight[i] += at_zero[k] * basis[k, i]
+        for other, at_zero in basis:
+            share = (one * other).sum(axis=0)
+            one, value = one - share * other, value - share * at_zero
+        size = np.sqrt((one * one).sum(axis=0))
+        one, value = one / size, value / size
+        basis.append((one, value))
+        weights.append(weights[-1] + value * one)
+        one, value = t * one, np.zeros(t.shape[1])
+    return weights[_DEGREE + 1], weights[_LOWER + 1]
 
 
-@numba.njit(cache=True)
-def _run_end(seam: Mask, first: int) -> int:
-    """Column of one row at which the nodes at a seam, from `first` on, end."""
-    end = first
-    while end < len(seam) and seam[end]:
-        end += 1
-    return end
+def _runs(nodes: Mask) -> tuple[Ints, Ints, Ints]:
+    """Row, first column and end (n,) of the runs of nodes (rows, cols) along rows."""
+    change = np.diff(np.pad(nodes, ((0, 0), (1, 1))).view(np.int8), axis=1)
+    row, first = np.nonzero(change == 1)
+    return row, first, np.nonzero(change == -1)[1]
 
 
-@numba.njit(cache=True)
-def _ends(good: Mask, seam: Mask, first: int) -> tuple[int, int]:
-    """From, to of the columns of one row that belong to the seam at `first`.
+def _each(first: Ints, end: Ints) -> tuple[Ints, Ints]:
+    """Number of the run, and column, of all nodes of runs, each (nodes,)."""
+    run = np.repeat(np.arange(len(first)), end - first)
+    before = np.cumsum(end - first) - (end - first)
+    return run, np.arange(len(run)) + (first - before)[run]
+
+
+def _gaps(good: Mask, seam: Mask) -> tuple[Ints, Ints, Ints]:
+    """Row, first column and end of the gaps at seams, as `seam` (rows, cols) has them.
 
     A seam that opens is wider than a window says: nodes next to it that were not measured are its own.
     """
-    start, end, cols = first, _run_end(seam, first), len(seam)
-    least, most = max(start - _MOST_DARK, 0), min(end + _MOST_DARK, cols)
-    while start > least and not good[start - 1]:
-        start -= 1
-    while end < most and not good[end]:
-        end += 1
-    return start, end
+    row, first, end = _runs(seam)
+    column, cols = np.arange(seam.shape[1]), seam.shape[1]
+    dark_from = np.maximum.accumulate(np.where(good, column + 1, 0), axis=1)
+    dark_to = np.minimum.accumulate(np.where(good, column, cols)[:, ::-1], axis=1)[:, ::-1]
+    start = np.maximum(dark_from[row, first], first - _MOST_DARK)
+    end = np.minimum(dark_to[row, end - 1], end + _MOST_DARK)
+    return row, start, end
 
 
-@numba.njit(cache=True)
-def _sides(good: Mask, start: int, end: int, at: Ints) -> bool:
-    """Columns of one row by which a seam's slope is carried; whether all of them were measured."""
-    whole = start >= _SIDE and end + _SIDE <= len(good)
-    for k in range(_SIDE):
-        at[k], at[_SIDE + k] = start - _SIDE + k, end + k
-        whole = whole and good[at[k]] and good[at[_SIDE + k]]
-    return whole
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _carry(x: Float, slope: Float, good: Mask, seam: Mask, out: Float, doubt: Float, gain: Float) -> None:
+def _carry(x: Float, slope: Float, good: Mask, seam: Mask) -> tuple[Float, Float, Float]:
     """Slopes (rows, cols, 2) carried to seams, their doubt, noise's gain; else NaN.
 
     The doubt has one sign at all nodes of a row's seam, that of what degrees differ by in depth across it.
     `seam` gets what belongs to seams besides.
     """
-    rows, cols = seam.shape
-    at, t = np.empty(2 * _SIDE, np.int64), np.empty(2 * _SIDE)
-    high, low = np.empty(2 * _SIDE), np.empty(2 * _SIDE)
-    across = np.empty(2)
-    out[:], doubt[:], gain[:] = np.nan, np.nan, np.nan
-    for j in range(rows):
-        i = 0
-        while i < cols:
-            if not seam[j, i]:
-                i += 1
-                continue
-            start, end = _ends(good[j], seam[j], i)
-            seam[j, start:end] = True
-            i = end
-            if not _sides(good[j], start, end, at):
-                continue
-            across[:] = 0.0
-            for node in range(start, end):
-                for k in range(2 * _SIDE):
-                    t[k] = x[j, at[k]] - x[j, node]
-                _polynomial(t, high, _DEGREE)
-                _polynomial(t, low, _LOWER)
-                gain[j, node] = np.sqrt((high * high).sum())
-                for axis in range(2):
-                    value, lower = 0.0, 0.0
-                    for k in range(2 * _SIDE):
-                        value += high[k] * slope[j, at[k], axis]
-                        lower += low[k] * slope[j, at[k], axis]
-                    out[j, node, axis] = value
-                    doubt[j, node, axis] = _KINKED * abs(value - lower)
-                    across[axis] += value - lower
-            for axis in range(2):
-                if across[axis] < 0.0:
-                    doubt[j, start:end, axis] *= -1.0
+    out, doubt, gain = np.full(slope.shape, np.nan), np.full(slope.shape, np.nan), np.full(seam.shape, np.nan)
+    row, start, end = _gaps(good, seam)
+    run, column = _each(start, end)
+    seam[row[run], column] = True
+    inside = (start >= _SIDE) & (end + _SIDE <= seam.shape[1])
+    row, start, end = row[inside], start[inside], end[inside]
+    side = np.arange(_SIDE)
+    at = np.concatenate([start[:, None] - _SIDE + side, end[:, None] + side], axis=1)
+    whole = good[row[:, None], at].all(axis=1)
+    row, start, end, at = row[whole], start[whole], end[whole], at[whole]
+    run, column = _each(start, end)
+    nodes = row[run], column
+    high, low = _polynomials((x[row[:, None], at][run] - x[nodes][:, None]).T)
+    known = slope[row[:, None], at][run]
+    value, lower = (np.einsum("kn,nka->na", one, known) for one in (high, low))
+    across = np.stack([np.bincount(run, one, len(row)) for one in (value - lower).T], axis=1)
+    out[nodes], gain[nodes] = value, np.sqrt((high * high).sum(axis=0))
+    doubt[nodes] = _KINKED * np.abs(value - lower) * np.where(across < 0.0, -1.0, 1.0)[run]
+    return out, doubt, gain
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _spread(x: Float, seam: Mask, out: Float) -> None:
-    """Into `out` (rows, cols) what spreads points at seams evenly between those next to the seam, mm."""
-    rows, cols = seam.shape
-    out[:] = 0.0
-    for j in range(rows):
-        i = 0
-        while i < cols:
-            if not seam[j, i]:
-                i += 1
-                continue
-            end = _run_end(seam[j], i)
-            if i > 1 and end < cols - 1:
-                step = 0.5 * (x[j, i - 1] - x[j, i - 2] + x[j, end + 1] - x[j, end])
-                extra = x[j, end] - x[j, i - 1] - (end - i + 1) * step
-                for k in range(i, end):
-                    n = k - i + 1
-                    t = n / (end - i + 1)
-                    # smooth at both ends, as what is integrated over the nodes has to be
-                    smooth = t * t * t * (10.0 - 15.0 * t + 6.0 * t * t)
-                    out[j, k] = x[j, i - 1] + n * step + extra * smooth - x[j, k]
-            i = end
+def _spread(x: Float, seam: Mask) -> Float:
+    """What spreads points at seams evenly between those next to the seam (rows, cols), mm."""
+    out = np.zeros(x.shape)
+    row, first, end = _runs(seam)
+    inside = (first > 1) & (end < seam.shape[1] - 1)
+    row, first, end = row[inside], first[inside], end[inside]
+    step = 0.5 * (x[row, first - 1] - x[row, first - 2] + x[row, end + 1] - x[row, end])
+    extra = x[row, end] - x[row, first - 1] - (end - first + 1) * step
+    run, column = _each(first, end)
+    n = column - first[run] + 1
+    t = n / (end - first + 1)[run]
+    # smooth at both ends, as what is integrated over the nodes has to be
+    smooth = t * t * t * (10.0 - 15.0 * t + 6.0 * t * t)
+    nodes = row[run], column
+    out[nodes] = (x[row, first - 1])[run] + n * step[run] + extra[run] * smooth - x[nodes]
+    return out
 
 
-@numba.njit(cache=True)
-def _beside(values: Float) -> tuple[Float, Float]:
-    """Values (rows, cols) with NaN replaced by the last known before it in its row, and by the next after it.
-
-    0 where there is none.
-    """
-    rows, cols = values.shape
-    before, after = np.empty((rows, cols)), np.empty((rows, cols))
-    for j in range(rows):
-        last, following = 0.0, 0.0
-        for i in range(cols):
-            last = last if np.isnan(values[j, i]) else values[j, i]
-            before[j, i] = last
-            k = cols - 1 - i
-            following = following if np.isnan(values[j, k]) else values[j, k]
-            after[j, k] = following
-    return before, after
+def _last_known(values: Float) -> Float:
+    """Values (rows, cols) with NaN replaced by the last known before it in its row; 0 where there is none."""
+    known = ~np.isnan(values)
+    at = np.maximum.accumulate(np.where(known, np.arange(values.shape[1]), 0), axis=1)
+    return np.nan_to_num(np.take_along_axis(values, at, axis=1), nan=0.0, posinf=np.inf, neginf=-np.inf)
 
 
 @dataclass(frozen=True, slots=True)
@@ -221,10 +172,9 @@ class SlopeOverSeams:
 
     def __init__(self, seams: SeamMap, grid: NodeGrid) -> None:
         self._map, self._grid = seams, grid
-        self.shift_mm = np.zeros(seams.x_mm.shape)
-        self.at_rest = seams.touched(self.shift_mm)
+        self.at_rest = seams.touched(np.zeros(seams.x_mm.shape))
         """(rows, cols) nodes at seams of the mirror at rest."""
-        _spread(seams.x_mm, self.at_rest.copy(), self.shift_mm)
+        self.shift_mm = _spread(seams.x_mm, self.at_rest)
 
     @classmethod
     def of(cls, optics: Optics, grid: NodeGrid) -> SlopeOverSeams | None:
@@ -244,16 +194,15 @@ class SlopeOverSeams:
         """
         inner = self._grid.inner
         q, sigma, flags = warp.q.copy(), warp.sigma.copy(), warp.flags.copy()
-        slope, point = map(np.ascontiguousarray, self._rays.slope(depth_mm, q[inner]))
+        slope, point = self._rays.slope(depth_mm, q[inner])
         good = (flags[inner] == 0) & np.isfinite(slope).all(axis=-1)
         # a seam that a slope moves is dark: the slope there is that of the nodes next to it, on either side
-        before, after = _beside(np.where(good, slope[..., 0], np.nan))
+        of_x = np.where(good, slope[..., 0], np.nan)
+        before, after = _last_known(of_x), _last_known(of_x[:, ::-1])[:, ::-1]
         depth_mm = np.where(np.isfinite(depth_mm), depth_mm, 0.0)
         seam = self._map.touched(before, depth_mm) | self._map.touched(after, depth_mm)
         good &= ~seam
-        out, doubt = np.empty((2, *slope.shape))
-        gain = np.empty(seam.shape)
-        _carry(point[..., 0].copy(), slope, good, seam, out, doubt, gain)
+        out, doubt, gain = _carry(point[..., 0], slope, good, seam)
         known = np.isfinite(gain)
         noise = float(np.median(sigma[inner][good])) if good.any() else np.nan
         carried = self._rays.rest_q + _times(self._sensitivity, out)
