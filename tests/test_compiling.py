@@ -7,8 +7,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from zeromethod import compiling
-from zeromethod.compiling import all_modules, compile_ahead, compiled_modules
+from zeromethod.compiling import Module, all_modules, compile_ahead, compiled_modules
 
 IMPORT = """
 import sys
@@ -40,24 +42,26 @@ def compiled_by(module: str, cache: Path) -> int:
     return int(done.stdout)
 
 
-def test_the_first_that_is_missing_brings_all_others_of_what_is_imported(tmp_path):
+def test_the_first_that_is_missing_brings_all_others_of_what_is_imported(tmp_path: Path) -> None:
     assert compiled_by("zeromethod.warp.continuation", tmp_path) == 1
     assert compiled_by("zeromethod.warp.continuation", tmp_path) == 0
 
 
-def test_what_was_compiled_ahead_is_not_when_it_is_imported(tmp_path, monkeypatch):
+def test_what_was_compiled_ahead_is_not_when_it_is_imported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     monkeypatch.setattr(compiling, "EVERY_S", 0.01)
     said: list[str] = []
     compile_ahead(["zeromethod.surface.reader"], said.append)
-    count = len(compiled_modules(["zeromethod.surface.reader"]))
+    count = sum(module.functions for module in compiled_modules(["zeromethod.surface.reader"]).values())
     words = "compiling, once on a new machine: "
-    assert said[0].startswith(f"{words}1 of {count} modules, ")
+    assert said[0].startswith(f"{words}1 of {count} functions, ")
     assert all(line.startswith(words) and line.endswith(" s left") for line in said)
     assert compiled_by("zeromethod.surface.reader", tmp_path) == 0
 
 
-def test_a_run_compiles_what_it_needs_and_nothing_else():
+def test_a_run_compiles_what_it_needs_and_nothing_else() -> None:
     needed = compiled_modules(["zeromethod.cli.run"])
     assert "zeromethod.sensing.demodulate" in needed
     others = ("fine", "light_array", "passive", "rubbing", "interactive", "contact")
@@ -65,16 +69,20 @@ def test_a_run_compiles_what_it_needs_and_nothing_else():
     assert needed.keys() < compiled_modules(all_modules()).keys()
 
 
-def test_a_module_comes_after_those_that_it_imports():
+def test_a_module_comes_after_those_that_it_imports() -> None:
     needed = compiled_modules(all_modules())
     before: set[str] = set()
-    for module, imports in needed.items():
-        assert imports <= before, module
-        before.add(module)
+    for name, module in needed.items():
+        assert module.needs <= before, name
+        before.add(name)
 
 
-def test_a_module_of_a_library_that_is_not_installed_does_not_stop_the_others(monkeypatch):
+def test_a_module_of_a_library_that_is_not_installed_does_not_stop_the_others(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr(
-        compiling, "compiled_modules", lambda _: {"zeromethod.none": set(), "zeromethod.errors": set()}
+        compiling,
+        "compiled_modules",
+        lambda _: {"zeromethod.none": Module(1, set()), "zeromethod.errors": Module(1, set())},
     )
     compile_ahead(["zeromethod"], lambda _: None)

@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterable
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from types import FrameType
+from typing import BinaryIO, NamedTuple
 
 from numba.core.event import Event, Listener, register, unregister
 
@@ -24,6 +25,8 @@ from zeromethod.child_process import ignore_signals, start_process, take_output
 
 EVERY_S = 1.5
 """Time between two lines of progress."""
+_COMPILED = b"\n"
+"""A process's answer when another function is compiled; the module's name follows when all are."""
 _PACKAGE = Path(__file__).parent
 _IMPORTS = re.compile(r"^from (zeromethod[\w.]*) import (?:\(([^)]*)\)|(.*))", re.MULTILINE)
 
@@ -47,10 +50,17 @@ def _imported_by(module: str, source: str) -> set[str]:
     return found
 
 
-def compiled_modules(roots: Iterable[str]) -> dict[str, set[str]]:
-    """Modules with compiled functions that these import, and of which others each needs; leaves first."""
+class Module(NamedTuple):
+    """A module with compiled functions: how many, and which other such modules it imports."""
+
+    functions: int
+    needs: set[str]
+
+
+def compiled_modules(roots: Iterable[str]) -> dict[str, Module]:
+    """Modules with compiled functions that these import; leaves first."""
     imports: dict[str, set[str]] = {}
-    found: dict[str, set[str]] = {}
+    found: dict[str, int] = {}
 
     def visit(module: str) -> set[str]:
         if module in imports:
@@ -61,13 +71,16 @@ def compiled_modules(roots: Iterable[str]) -> dict[str, set[str]]:
             return all_of
         for each in sorted(_imported_by(module, source)):
             all_of |= {each} | visit(each)
-        if re.search(r"^@kernel\(", source, re.MULTILINE):
-            found[module] = all_of
+        if functions := len(re.findall(r"^@kernel\(", source, re.MULTILINE)):
+            found[module] = functions
         return all_of
 
     for root in roots:
         visit(root)
-    return {module: needs & found.keys() - {module} for module, needs in found.items()}
+    return {
+        module: Module(functions, imports[module] & found.keys() - {module})
+        for module, functions in found.items()
+    }
 
 
 def all_modules() -> list[str]:
@@ -82,52 +95,57 @@ def compile_ahead(roots: Iterable[str], say: Callable[[str], None]) -> None:
     say: is given a line now and then: how much is ready, and how long the rest takes at that rate.
     """
     waiting = compiled_modules(roots)
-    count, began_s = len(waiting), time.monotonic()
+    count, began_s = sum(module.functions for module in waiting.values()), time.monotonic()
     ready: set[str] = set()
     running: set[str] = set()
     changed = threading.Condition()
+    done = loaded = 0
 
-    def next_module() -> str | None:
+    def next_module() -> tuple[str, int] | None:
         """Take one whose imports are ready, so that nothing is compiled twice; None when all are taken."""
         with changed:
             while waiting:
-                for module, needs in waiting.items():
-                    if not running or not needs - ready:
-                        del waiting[module]
-                        running.add(module)
-                        return module
+                for name, module in waiting.items():
+                    if not running or not module.needs - ready:
+                        del waiting[name]
+                        running.add(name)
+                        return name, module.functions
                 changed.wait()
         return None
 
     def serve(process: subprocess.Popen[bytes]) -> None:
+        nonlocal done, loaded
         assert process.stdin is not None
         assert process.stdout is not None
-        while (module := next_module()) is not None:
+        while (taken := next_module()) is not None:
             # what a process leaves, because it was ended, is compiled when it is imported
             with suppress(OSError):
-                process.stdin.write(f"{module}\n".encode())
+                process.stdin.write(f"{taken[0]}\n".encode())
                 process.stdin.flush()
-                process.stdout.readline()
+                while process.stdout.readline() == _COMPILED:
+                    done += 1
             with changed:
-                running.remove(module)
-                ready.add(module)
+                running.remove(taken[0])
+                ready.add(taken[0])
+                loaded += taken[1]
                 changed.notify_all()
 
     with ExitStack() as stack:
         threads = []
-        for _ in range(min(len(os.sched_getaffinity(0)), count)):
+        for _ in range(min(len(os.sched_getaffinity(0)), len(waiting))):
             process = start_process(__name__, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
-            stack.callback(process.wait)
+            stack.enter_context(process)
             stack.callback(process.kill)
             threads.append(threading.Thread(target=serve, args=(process,), daemon=True))
             threads[-1].start()
         for thread in threads:
             while thread.is_alive():
                 thread.join(EVERY_S)
-                done = len(ready)
-                if 0 < done < count:
-                    left_s = (time.monotonic() - began_s) * (count - done) / done
-                    say(f"compiling, once on a new machine: {done} of {count} modules, {left_s:.0f} s left")
+                so_far = max(done, loaded)
+                if 0 < so_far < count:
+                    left_s = (time.monotonic() - began_s) * (count - so_far) / so_far
+                    words = f"{so_far} of {count} functions, {left_s:.0f} s left"
+                    say(f"compiling, once on a new machine: {words}")
 
 
 def _being_imported() -> str | None:
@@ -163,11 +181,30 @@ _missing = _Missing()
 register("numba:compile", _missing)  # type: ignore[no-untyped-call]
 
 
+class _Told(Listener):
+    """Answers when a function that is not part of another is compiled."""
+
+    def __init__(self, answers: BinaryIO) -> None:
+        self._answers, self._inside = answers, 0
+
+    def on_start(self, event: Event) -> None:  # noqa: ARG002 - numba's signature
+        """Begin one, or a part of one."""
+        self._inside += 1
+
+    def on_end(self, event: Event) -> None:  # noqa: ARG002 - numba's signature
+        """End it."""
+        self._inside -= 1
+        if not self._inside:
+            self._answers.write(_COMPILED)
+            self._answers.flush()
+
+
 def main() -> None:
     """Names of modules come in, one a line; each goes out again when it is imported, and so compiled."""
     ignore_signals()
     unregister("numba:compile", _missing)  # type: ignore[no-untyped-call]
     with suppress(BrokenPipeError), take_output() as answers:  # who asked may have been killed
+        register("numba:compile", _Told(answers))  # type: ignore[no-untyped-call]
         for line in sys.stdin:
             with suppress(ImportError):  # of a library that is not installed
                 importlib.import_module(line.strip())
