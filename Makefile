@@ -31,7 +31,7 @@ test: $(VENV)/.test-ready
 	$(BIN)/python -m pytest -n 4 -m 'not long' $(PYTEST_ARGS)
 
 # closed forms, conventions and refusals, chosen by their processor time: what takes seconds is left to `make test`
-QUICK := tests/test_sign_conventions.py tests/optics tests/mechanics tests/warp tests/rig tests/sensing tests/exposure \
+QUICK := tests/test_sign_conventions.py tests/optics tests/mechanics tests/warp tests/rig tests/sensing tests/exposure tests/control \
 	tests/loop/test_state.py tests/contact/test_moments_and_track.py tests/publishing/test_message.py tests/tools
 
 test-quick: $(VENV)/.test-ready
