@@ -37,8 +37,10 @@ test: $(VENV)/.test-ready
 	$(BIN)/python -m pytest -n 4 -m 'not long' $(PYTEST_ARGS)
 
 # closed forms, conventions and refusals, chosen by their processor time: what takes seconds is left to `make test`
-QUICK := tests/test_sign_conventions.py tests/optics tests/mechanics tests/warp tests/rig tests/sensing tests/exposure \
-	tests/loop/test_state.py tests/contact/test_moments_and_track.py tests/publishing/test_message.py tests/tools
+QUICK := tests/test_sign_conventions.py $(addprefix tests/, optics mechanics warp rig sensing exposure control tools) \
+	tests/surface/test_integrate.py tests/surface/test_lever.py tests/surface/test_gaps.py tests/loop/test_state.py \
+	tests/contact/test_force.py tests/contact/test_moments_and_track.py tests/decoding/test_decoding.py tests/decoding/test_periods.py \
+	tests/calibration/test_measurements.py tests/pattern/test_strips.py tests/export/test_tiff.py tests/publishing/test_message.py
 
 test-quick: $(VENV)/.test-ready
 	$(BIN)/python -m pytest -n 2 -m 'not long' $(QUICK) $(PYTEST_ARGS)
