@@ -115,6 +115,7 @@ class View:
     def __init__(self, rig: Rig) -> None:
         optics = UnboundedOptics(rig)
         camera = rig.camera
+        self.rubber = rig.rubber
         u, v = np.meshgrid(np.linspace(16, camera.columns - 17, 120), np.linspace(16, camera.rows - 17, 90))
         point = mirror_point(optics, u.ravel(), v.ravel())
         inside = (point[:, 0] > 3.0) & (point[:, 0] < optics.length_mm - 3.0)

@@ -34,7 +34,7 @@ def any_press(view: View, draw: np.random.Generator) -> tuple[Dent, ...]:
         contact_mm = float(draw.uniform(4.0, 8.0))
         depth_mm = min(depth_mm, 0.1)
         return (Dent(Shape.BALL, x, y, depth_mm, contact_mm**2 / depth_mm),)
-    return (pad(x, y, depth_mm, size_mm, view.rig.rubber),)
+    return (pad(x, y, depth_mm, size_mm, view.rubber),)
 
 
 def can_be_nulled(rig: Rig, dents: Sequence[Dent]) -> bool:
