@@ -23,6 +23,7 @@ import moderngl
 import pytest
 from xdist.scheduler import LoadScopeScheduling
 
+from zeromethod.compiling import all_modules, compile_ahead
 from zeromethod.gl import collect, create_context
 from zeromethod.gl.context import BACKENDS, VARIABLE
 from zeromethod.view import progress
@@ -48,9 +49,8 @@ SHARING = ("calibration/", "export/", "commissioning/calibration/", "session/rep
 """Folders whose tests share fixtures that take seconds."""
 
 ORDER = ("tests/drivers/", "tests/acceptance/", "tests/test_", "tests/study/", "tests/view/", "tests/c")
-"""What begins: drivers, which compile nothing, so that one worker alone compiles on a new machine; then tests
-of many seconds each, so that no worker waits at the end for one that began them last.
-The wheel, which is the longest, comes after those that compile what it takes along."""
+"""What begins: drivers, then tests of many seconds each, so that no worker waits at the end for one that began
+them last."""
 
 
 class _Together(LoadScopeScheduling):
@@ -73,6 +73,12 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
     real_time = item.nodeid.removeprefix("tests/").startswith(REAL_TIME)
     if "PYTEST_XDIST_WORKER" in os.environ and not real_time and not os.getpriority(os.PRIO_PROCESS, 0):
         os.nice(5)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Compile what is not compiled yet once, on every core, before workers start that would do it each."""
+    if "PYTEST_XDIST_WORKER" not in os.environ and config.getoption("numprocesses", None):
+        compile_ahead(all_modules(), lambda words: sys.stderr.writelines((words, "\n")))
 
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> _Together:
