@@ -42,7 +42,7 @@ from benchmarks.parts import Parts, part_options
 from benchmarks.report import Figure, Report, benchmark, figure, start
 from benchmarks.salt import salt_option
 from benchmarks.totals import estimate, rms
-from zeromethod.fine.reader import FRAMES
+from zeromethod.fine.frames import FRAMES
 
 JUDGED_MM = 0.5
 """Sigma of dents from which their error has a bar; a narrower one is mostly what the pupil leaves of it."""

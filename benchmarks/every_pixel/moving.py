@@ -16,8 +16,8 @@ from benchmarks.every_pixel.scenes import PRESS_S, bench_rig
 from benchmarks.rigs import VIEW_MIDDLE_MM, opened, pressing
 from zeromethod.arrays import Float
 from zeromethod.devices.protocols import TrueMirror
-from zeromethod.fine.frames import FineFrame
-from zeromethod.fine.reader import FRAMES, FineReader
+from zeromethod.fine.frames import FRAMES, FineFrame
+from zeromethod.fine.reader import FineReader
 from zeromethod.optics.pupil import footprint_terms, quadratic_terms
 from zeromethod.rig.model import Rig
 from zeromethod.session.fine import frame_of

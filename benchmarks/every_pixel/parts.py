@@ -30,7 +30,8 @@ from benchmarks.rigs import changed, opened, pressed
 from benchmarks.salt import generator
 from zeromethod.arrays import Float, Single
 from zeromethod.errors import InputError
-from zeromethod.fine.reader import FRAMES, FineReader
+from zeromethod.fine.frames import FRAMES
+from zeromethod.fine.reader import FineReader
 from zeromethod.fine.surface import FineSurface
 from zeromethod.loop.circle import Circle
 from zeromethod.optics import Optics

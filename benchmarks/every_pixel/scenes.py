@@ -19,8 +19,8 @@ from zeromethod.devices.opening import open_devices
 from zeromethod.devices.protocols import TrueMirror
 from zeromethod.fine.demodulate import Demodulated, Design
 from zeromethod.fine.footprint import response
-from zeromethod.fine.frames import FineFrame
-from zeromethod.fine.reader import FRAMES, FineReader
+from zeromethod.fine.frames import FRAMES, FineFrame
+from zeromethod.fine.reader import FineReader
 from zeromethod.fine.surface import FineSurface
 from zeromethod.optics import Optics
 from zeromethod.optics.pupil import footprint_terms, quadratic_terms

@@ -23,13 +23,13 @@ import numpy as np
 from zeromethod.arrays import Float, Image, Mask, Single
 from zeromethod.errors import InputError
 from zeromethod.fine.frames import Steps
+from zeromethod.fine.lattice import BAND_ROWS
+from zeromethod.kernels import kernel, read
 from zeromethod.rig.model import Noise
 
 UNKNOWNS = 5
 END_FRAMES = 4
 """Frames at either end whose misfit is told apart: what changed next to them hardly shows in that of all."""
-BAND_ROWS = 32
-"""Rows whose frames are brought together at a time: what they take stays in the processor's cache."""
 _TORN_PX = 6.0
 """Step of displacement between neighbouring pixels, camera px, above which one is a whole period off."""
 _POOLED_PX = 5
@@ -105,18 +105,38 @@ def _quadratic(matrix: Float, values: Single, i: int) -> float:
     return total
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
+@kernel(
+    read(numba.float32, 3),
+    numba.float32,
+    read(numba.float32, 3),
+    read(numba.float64, 3),
+    read(numba.float64, 3),
+    read(numba.float32, 3),
+    read(numba.float32, 2),
+    read(numba.float64, 2),
+    read(numba.float64, 2),
+    numba.float64,
+    numba.float32[:, ::1],
+    numba.float32[:, :, ::1],
+    numba.float32[:, :, ::1],
+    numba.float32[:, :, ::1],
+    numba.float32[:, ::1],
+    numba.float32[:, ::1],
+    numba.float32[:, :, ::1],
+    fastmath={"contract"},
+)
 def _fit(
-    images: Image,
+    images: Single,
+    level: float,
     solution: Single,
     covariance: Float,
     normal: Float,
-    basis: Float,
-    table: Float,
+    basis: Single,
+    free: Single,
+    u: Float,
+    v: Float,
     per_rad: float,
-    noise: tuple[float, float, float],
-    level: float,
-    corner: tuple[int, int],
+    sums: Single,
     d: Single,
     variance: Single,
     modulation: Single,
@@ -124,59 +144,56 @@ def _fit(
     misfit: Single,
     ends: Single,
 ) -> None:
-    count, (rows, cols) = images.shape[0], mean.shape
-    period, (top, left) = table.shape[0], corner
-    still, per_grey, black = noise
-    sums, squares = np.empty((5, cols), np.float32), np.empty(cols, np.float32)
-    zero = np.float32(level)
+    """Fields of `Demodulated` in rows of N frames, the variance at unit noise.
+
+    level: about that of the images, which rounding is the smaller for. solution, covariance, normal, basis:
+    of `Design`. free: (rows, 3) degrees of freedom of the ends. u: (cols, 2), v: (rows, 2) cosine and sine of
+    the carriers without displacement. sums: (6, cols), for use within.
+    """
+    count, rows, cols = images.shape
     few = min(END_FRAMES, count)
-    ranges = ((0, few), (count - few, count), (count - 1, count))
     for j in range(rows):
-        row = top + j
-        sums[:] = np.float32(0.0)
-        squares[:] = np.float32(0.0)
+        sums[:] = 0.0
         for t in range(count):
             line = images[t, j]
-            w0, w1, w2 = solution[row, 0, t], solution[row, 1, t], solution[row, 2, t]
-            w3, w4 = solution[row, 3, t], solution[row, 4, t]
+            w0, w1, w2 = solution[j, 0, t], solution[j, 1, t], solution[j, 2, t]
+            w3, w4 = solution[j, 3, t], solution[j, 4, t]
             for i in range(cols):
-                grey = np.float32(line[i]) - zero
+                grey = line[i] - level
                 sums[0, i] += w0 * grey
                 sums[1, i] += w1 * grey
                 sums[2, i] += w2 * grey
                 sums[3, i] += w3 * grey
                 sums[4, i] += w4 * grey
-                squares[i] += grey * grey
+                sums[5, i] += grey * grey
         for i in range(cols):
-            misfit[j, i] = (squares[i] - _quadratic(normal[row], sums, i)) / (count - 5)
+            misfit[j, i] = (sums[5, i] - _quadratic(normal[j], sums, i)) / (count - 5)
+            mean[j, i] = sums[0, i] + level
         for end in range(3):
-            squares[:] = np.float32(0.0)
-            free = 0.0
-            for t in range(*ranges[end]):
-                line, w = images[t, j], basis[row, t].astype(np.float32)
-                free += 1.0
-                for a in range(5):
-                    for b in range(5):
-                        free -= basis[row, t, a] * covariance[row, a, b] * basis[row, t, b]
+            first, last = 0, few
+            if end > 0:
+                first, last = (count - few if end == 1 else count - 1), count
+            sums[5] = 0.0
+            for t in range(first, last):
+                line = images[t, j]
+                w0, w1, w2 = basis[j, t, 0], basis[j, t, 1], basis[j, t, 2]
+                w3, w4 = basis[j, t, 3], basis[j, t, 4]
                 for i in range(cols):
-                    off = np.float32(line[i]) - zero - w[0] * sums[0, i] - w[1] * sums[1, i]
-                    off -= w[2] * sums[2, i] + w[3] * sums[3, i] + w[4] * sums[4, i]
-                    squares[i] += off * off
+                    off = line[i] - level - w0 * sums[0, i] - w1 * sums[1, i]
+                    off -= w2 * sums[2, i] + w3 * sums[3, i] + w4 * sums[4, i]
+                    sums[5, i] += off * off
             for i in range(cols):
-                ends[j, i, end] = squares[i] / free
+                ends[j, i, end] = sums[5, i] / free[j, end]
         for i in range(cols):
-            mean[j, i] = sums[0, i] + zero
-            grey2 = still + per_grey * max(mean[j, i] - black, 0.0)
             for axis in range(2):
-                at = (row if axis else left + i) % period
-                c, s = sums[1 + 2 * axis, i], sums[2 + 2 * axis, i]
-                re, im = c * table[at, 0] + s * table[at, 1], s * table[at, 0] - c * table[at, 1]
-                length2 = c * c + s * s
                 m = 1 + 2 * axis
-                across = s * s * covariance[row, m, m] + c * c * covariance[row, m + 1, m + 1]
-                across -= 2.0 * s * c * covariance[row, m, m + 1]
-                d[j, i, axis] = per_rad * math.atan2(im, re)
-                variance[j, i, axis] = grey2 * per_rad * per_rad * across / (length2 * length2)
+                c, s = sums[m, i], sums[m + 1, i]
+                along, across = (v[j, 0], v[j, 1]) if axis else (u[i, 0], u[i, 1])
+                length2 = c * c + s * s
+                turned2 = s * s * covariance[j, m, m] + c * c * covariance[j, m + 1, m + 1]
+                turned2 -= 2.0 * s * c * covariance[j, m, m + 1]
+                d[j, i, axis] = per_rad * math.atan2(s * along - c * across, c * along + s * across)
+                variance[j, i, axis] = per_rad * per_rad * turned2 / (length2 * length2)
                 modulation[j, i, axis] = math.sqrt(length2)
 
 
@@ -209,28 +226,34 @@ def demodulate(
         Convention: observed(u, v) = target((u, v) + d).
     """
     shape = images[0][box].shape
-    turns = 2 * np.pi * np.arange(period_px) / period_px
-    table = np.stack([np.cos(turns), np.sin(turns)], axis=-1)
-    per_grey = 0.0 if noise.electrons_per_grey is None else 1.0 / noise.electrons_per_grey
-    scales = noise.read_grey**2 + 1 / 12, per_grey, noise.black_grey
     d, variance, modulation = (np.empty((*shape, 2), np.float32) for _ in range(3))
     mean, misfit, ends = (np.empty((*shape, *more), np.float32) for more in ((), (), (3,)))
-    out = Demodulated(d, variance, modulation, mean, misfit, ends)
-    normal = np.swapaxes(design.basis, 1, 2) @ design.basis
-    solution, per_rad, level = (
-        design.solution.astype(np.float32),
-        period_px / (2 * np.pi),
-        middle_grey(images),
-    )
+    level, per_rad = np.float32(middle_grey(images)), period_px / (2 * np.pi)
     top, left = box[0].start or 0, box[1].start or 0
+    v, u = (
+        np.stack([np.cos(turn), np.sin(turn)], axis=-1)
+        for turn in (np.arange(top, top + shape[0]) / per_rad, np.arange(left, left + shape[1]) / per_rad)
+    )
+    sums = np.empty((UNKNOWNS + 1, shape[1]), np.float32)
     for first in range(0, shape[0], BAND_ROWS):
         part = slice(first, min(first + BAND_ROWS, shape[0]))
-        band = np.stack([one[top + part.start : top + part.stop, box[1]] for one in images])
-        all_of = out.d, out.variance, out.modulation, out.mean, out.misfit, out.ends
-        fields, corner = (one[part] for one in all_of), (top + first, left)
-        fit = solution, design.covariance, normal, design.basis
-        _fit(band, *fit, table, per_rad, scales, level, corner, *fields)
-    return out
+        rows = slice(top + part.start, top + part.stop)
+        band = np.stack([one[rows, box[1]] for one in images], dtype=np.float32, casting="unsafe")
+        basis, covariance = design.basis[rows], design.covariance[rows]
+        fit = design.solution[rows], covariance, np.swapaxes(basis, 1, 2) @ basis, basis
+        fields = d[part], variance[part], modulation[part], mean[part], misfit[part], ends[part]
+        _fit(band, level, *fit, _free(basis, covariance), u, v[part], per_rad, sums, *fields)
+        grey2 = grey_variance(noise, mean[part])
+        for axis in range(2):
+            variance[part, :, axis] *= grey2
+    return Demodulated(d, variance, modulation, mean, misfit, ends)
+
+
+def _free(basis: Float, covariance: Float) -> Float:
+    """(rows, 3) degrees of freedom of `Demodulated.ends`."""
+    each = 1.0 - np.einsum("rta,rab,rtb->rt", basis, covariance, basis)
+    ends = each[:, :END_FRAMES], each[:, -END_FRAMES:], each[:, -1:]
+    return np.stack([one.sum(axis=1) for one in ends], axis=-1)
 
 
 def middle_grey(images: Sequence[Image]) -> float:
@@ -245,42 +268,21 @@ def grey_variance(noise: Noise, grey: Single) -> Single:
     return np.asarray(noise.read_grey**2 + 1 / 12 + per_grey * light, np.float32)
 
 
-@numba.njit(cache=True)
-def _usable(
-    d: Single,
-    variance: Single,
-    modulation: Single,
-    mean: Single,
-    ceiling: float,
-    visibility: float,
-    variance_px2: float,
-    seen: Mask,
-) -> None:
-    rows, cols = mean.shape
-    for j in range(rows):
-        for i in range(cols):
-            weakest = min(modulation[j, i, 0], modulation[j, i, 1])
-            good = weakest > visibility * mean[j, i]
-            good &= max(variance[j, i, 0], variance[j, i, 1]) < variance_px2
-            seen[j, i] = good and mean[j, i] + modulation[j, i, 0] + modulation[j, i, 1] < ceiling
-    for j in range(rows):
-        for i in range(cols):
-            for k in range(2):
-                if i + 1 < cols and abs(d[j, i + 1, k] - d[j, i, k]) > _TORN_PX:
-                    seen[j, i] = seen[j, i + 1] = False
-                if j + 1 < rows and abs(d[j + 1, i, k] - d[j, i, k]) > _TORN_PX:
-                    seen[j, i] = seen[j + 1, i] = False
-
-
 def usable_pixels(found: Demodulated, ceiling: int, least_visibility: float, most_sigma_px: float) -> Mask:
     """(rows, cols) pixels whose carriers are seen well enough, and no whole period off their neighbours.
 
     Pixels that are overexposed in a frame do not count either.
     """
-    seen = np.empty(found.mean.shape, np.bool_)
-    fields = found.d, found.variance, found.modulation, found.mean
-    _usable(*fields, float(ceiling), least_visibility, most_sigma_px**2, seen)
-    return seen
+    amplitude, variance = (np.moveaxis(one, -1, 0) for one in (found.modulation, found.variance))
+    seen = np.minimum(*amplitude) > least_visibility * found.mean
+    seen &= np.maximum(*variance) < most_sigma_px**2
+    seen &= found.mean + amplitude[0] + amplitude[1] < ceiling
+    for one, other in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
+        step = np.abs(found.d[other] - found.d[one]) > _TORN_PX
+        whole = ~(step[..., 0] | step[..., 1])
+        seen[one] &= whole
+        seen[other] &= whole
+    return np.asarray(seen)
 
 
 def stood(found: Demodulated) -> Mask:

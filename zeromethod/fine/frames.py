@@ -12,6 +12,9 @@ from zeromethod.warp.grid import PADDING, NodeGrid
 from zeromethod.warp.jacobian import jacobian
 from zeromethod.warp.warp import Warp
 
+FRAMES = 24
+"""Frames read together, 0.4 s at 60 per second. Of 16, noise may be 6 times as large: around a turn."""
+
 
 @dataclass(frozen=True, slots=True)
 class Steps:

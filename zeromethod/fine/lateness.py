@@ -13,45 +13,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numba
 import numpy as np
 
-from zeromethod.arrays import Float, Image, Single
-from zeromethod.fine.demodulate import BAND_ROWS, UNKNOWNS, Design, middle_grey
+from zeromethod.arrays import Float, Image
+from zeromethod.fine.demodulate import UNKNOWNS, Design, middle_grey
 from zeromethod.fine.frames import Steps
-from zeromethod.rounding import REORDERED
+from zeromethod.fine.lattice import BAND_ROWS
 
 LIKELY_S = 1e-3
 """Standard deviation of a lateness before anything was seen: more would be a wrong `latency_s`."""
 _LEAST_JITTER_S = 1e-7
 """Standard deviation of a jitter that is not seen."""
-
-
-@numba.njit(cache=True, fastmath=REORDERED)
-def _products(images: Image, level: float, solution: Single, of_each: Float, of_grey: Float) -> None:
-    """Sums over each row of products of the unknowns (5, cols) with each other and with the grey levels."""
-    count, rows, cols = images.shape
-    unknowns, zero = np.empty((5, cols), np.float32), np.float32(level)
-    for row in range(rows):
-        unknowns[:] = np.float32(0.0)
-        for t in range(count):
-            line = images[t, row]
-            for k in range(5):
-                weight = solution[row, k, t]
-                for i in range(cols):
-                    unknowns[k, i] += weight * (np.float32(line[i]) - zero)
-        for k in range(5):
-            for m in range(5):
-                total = np.float32(0.0)
-                for i in range(cols):
-                    total += unknowns[k, i] * unknowns[m, i]
-                of_each[row, k, m] = total
-            for t in range(count):
-                line = images[t, row]
-                total = np.float32(0.0)
-                for i in range(cols):
-                    total += unknowns[k, i] * (np.float32(line[i]) - zero)
-                of_grey[row, k, t] = total
 
 
 def lateness(
@@ -68,18 +40,19 @@ def lateness(
     (rows,) places of the image's rows along the panel's columns, in a unit of their own. box: rows and
     columns that show the target alone; None for all.
     """
-    count, level = len(steps), middle_grey(images)
+    count, level = len(steps), np.float32(middle_grey(images))
     # of each frame's lateness, and of that which goes with the place
     normal, right = np.zeros((2, 2, count, count)), np.zeros((2, count))
     down, across = box or (slice(0, len(images[0])), slice(None))
     for first in range(down.start, down.stop, BAND_ROWS):
         rows = slice(first, min(first + BAND_ROWS, down.stop))
-        band = np.stack([one[rows, across] for one in images])
+        grey = np.stack([one[rows, across] for one in images], axis=1, dtype=np.float32, casting="unsafe")
+        grey -= level
         per_late = np.stack([one.per_late_rad[rows] for one in steps], axis=1)
         basis, solution = design.basis[rows], design.solution[rows]
-        of_each = np.empty((len(basis), UNKNOWNS, UNKNOWNS))
-        of_grey = np.empty((len(basis), UNKNOWNS, count))
-        _products(band, level, solution.astype(np.float32), of_each, of_grey)
+        # products of the unknowns (rows, 5, cols) with each other and with the grey levels, summed over a row
+        unknowns = solution.astype(np.float32) @ grey
+        of_each, of_grey = (unknowns @ np.swapaxes(by, 1, 2) for by in (unknowns, grey))
         # d/d(phase) of Re[C w] is Re[i C w]: of C = (c, s) and w = (p, -q), that is (-q) c - p s
         turned = np.zeros((len(basis), count, UNKNOWNS))
         turned[..., 1::2] = per_late * basis[..., 2::2]

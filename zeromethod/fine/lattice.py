@@ -7,107 +7,48 @@ which a node's residual is averaged.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from collections.abc import Iterator
+from typing import Any
 
-import numba
 import numpy as np
+from scipy.sparse import csr_array
 
-from zeromethod.arrays import Flags, Float, Ints, Mask, Single
-from zeromethod.rounding import REORDERED
+from zeromethod.arrays import Flags, Float, Mask, Single
 from zeromethod.sensing.window import triangle
 from zeromethod.warp.grid import PADDING, NodeGrid
 from zeromethod.warp.interpolant import keys
 from zeromethod.warp.validity import Flag
 
-
-class Between(NamedTuple):
-    """Keys' weights between nodes.
-
-    of_rows: (rows, 4) of pixel row k, of the rows of nodes from first[k] on, a ghost ahead. of_cell: (4,
-    spacing) of the pixels from a node to the next along a row, of the nodes from one before it on.
-    """
-
-    first: Ints
-    of_rows: Float
-    of_cell: Float
-
-    @classmethod
-    def of(cls, rows: int, spacing: int, nodes: int) -> Between:
-        """For pixel rows 0, 1, ... and nodes at 0, spacing, ..."""
-        at = np.arange(rows)
-        first = np.minimum(at // spacing, nodes - 2)
-        of_rows = np.stack(keys(at / spacing - first), axis=-1)
-        return cls(first, of_rows, np.stack(keys(np.arange(spacing) / spacing)))
+BAND_ROWS = 32
+"""Rows of pixels that are worked out at a time: what they take stays in the processor's cache."""
 
 
-def with_ghosts(nodes: Float) -> Float:
-    """Planes (k, rows + 2, cols + 2) with a neighbour more on every side, on the last three's parabola."""
-    out = np.pad(nodes, ((0, 0), (1, 1), (1, 1)))
-    out[:, 0] = 3.0 * (out[:, 1] - out[:, 2]) + out[:, 3]
-    out[:, -1] = 3.0 * (out[:, -2] - out[:, -3]) + out[:, -4]
-    out[..., 0] = 3.0 * (out[..., 1] - out[..., 2]) + out[..., 3]
-    out[..., -1] = 3.0 * (out[..., -2] - out[..., -3]) + out[..., -4]
-    return out
+def keys_weights(pixels: int, nodes: int, spacing: int) -> Float:
+    """(pixels, nodes) Keys' weights of pixels 0, 1, ... between nodes at 0, spacing, ..."""
+    at = np.arange(pixels)
+    before = np.minimum(at // spacing, nodes - 2)
+    weights = np.zeros((pixels, nodes + 2))  # a neighbour more at either end
+    for k, weight in enumerate(keys(at / spacing - before)):
+        weights[at, before + k] = weight
+    for node, share in ((1, 3.0), (2, -3.0), (3, 1.0)):
+        weights[:, node] += share * weights[:, 0]
+        weights[:, -1 - node] += share * weights[:, -1]
+    return weights[:, 1:-1]
 
 
-@numba.njit(cache=True, inline="always")
-def pixel_line(nodes: Any, first: Any, weights: Any, of_cell: Any, line: Any, out: Any) -> None:
-    """A row of pixels from the four rows of nodes, with ghosts, from `first` on; line: of a row of nodes.
-
-    Cell by cell, so that the pixels of each are computed at once.
-    """
-    w0, w1, w2, w3 = weights[0], weights[1], weights[2], weights[3]
-    for i in range(len(line)):
-        line[i] = w0 * nodes[first, i] + w1 * nodes[first + 1, i]
-        line[i] += w2 * nodes[first + 2, i] + w3 * nodes[first + 3, i]
-    spacing, cells = of_cell.shape[1], len(line) - 3
-    for i in range(cells):
-        a, b, c, d = line[i], line[i + 1], line[i + 2], line[i + 3]
-        for k in range(spacing):
-            out[i * spacing + k] = (
-                of_cell[0, k] * a + of_cell[1, k] * b + of_cell[2, k] * c + of_cell[3, k] * d
-            )
-    out[cells * spacing] = line[cells + 1]
-
-
-@numba.njit(cache=True)
-def _to_pixels(nodes: Any, row_first: Any, of_rows: Any, of_cell: Any, out: Any) -> None:
-    """Planes with ghosts (k, rows, cols) at the pixels (k, rows, cols)."""
-    line = np.empty(nodes.shape[2])
-    for k in range(out.shape[0]):
-        for j in range(out.shape[1]):
-            pixel_line(nodes[k], row_first[j], of_rows[j], of_cell, line, out[k, j])
-
-
-@numba.njit(cache=True, fastmath=REORDERED)
-def _window_sums(values: Any, used: Any, triangle: Any, spacing: int, out: Any) -> None:
-    """Sums (node rows, node cols, k + 1) over windows of used pixels' values (rows, cols, k), and of 1.
+def window_weights(pixels: int, nodes: int, spacing: int, period: int) -> csr_array:
+    """(nodes, pixels) weights of pixels 0, 1, ... in the sensing windows around nodes at 0, spacing, ...
 
     The border's pixels count half, so that what alternates from one to the next, as the LCD's grid does,
     leaves nothing in a window that ends there.
     """
-    rows, cols, count = values.shape
-    reach = len(triangle) // 2
-    line = np.empty((cols, count + 1), np.float32)
-    for j in range(out.shape[0]):
-        line[:] = np.float32(0.0)
-        for row in range(max(j * spacing - reach, 0), min(j * spacing + reach + 1, rows)):
-            weight = triangle[row - j * spacing + reach]
-            if row == 0 or row == rows - 1:
-                weight *= np.float32(0.5)
-            for col in range(cols):
-                if used[row, col]:
-                    for k in range(count):
-                        line[col, k] += weight * values[row, col, k]
-                    line[col, count] += weight
-        for i in range(out.shape[1]):
-            out[j, i] = 0.0
-            for col in range(max(i * spacing - reach, 0), min(i * spacing + reach + 1, cols)):
-                weight = triangle[col - i * spacing + reach]
-                if col == 0 or col == cols - 1:
-                    weight *= np.float32(0.5)
-                for k in range(count + 1):
-                    out[j, i, k] += weight * line[col, k]
+    reach = period - 1
+    weights = np.zeros((nodes, pixels + 2 * reach))
+    for node, line in enumerate(weights):
+        line[node * spacing : node * spacing + 2 * reach + 1] = triangle(period)
+    weights = weights[:, reach : reach + pixels]
+    weights[:, [0, -1]] *= 0.5
+    return csr_array(weights)
 
 
 def pixel_box(grid: NodeGrid) -> tuple[slice, slice]:
@@ -140,9 +81,24 @@ class PixelLattice:
         rows, cols = grid.shape
         self.nodes = rows - 2 * PADDING, cols - 2 * PADDING
         self.shape = tuple(part.stop - part.start for part in self.box)
-        self.between = Between.of(self.shape[0], grid.spacing_px, self.nodes[0])
-        """Weights of nodes at pixels."""
-        self._triangle = triangle(grid.period_px).astype(np.float32)
+        sizes = tuple(zip(self.shape, self.nodes, strict=True))
+        self._down, across = (keys_weights(*size, grid.spacing_px) for size in sizes)
+        self._across = csr_array(across)
+        self._window = [window_weights(*size, grid.spacing_px, grid.period_px) for size in sizes]
+
+    def bands(self, nodes: Float, kind: Any = np.float64) -> Iterator[tuple[slice, Any]]:
+        """Some rows of pixels after the other, and there (rows, k, cols) of finite planes of the nodes.
+
+        nodes: (k, node rows, node cols). kind: float64, or float32 for a faster result.
+        """
+        count, rows, cols = len(nodes), *self.shape
+        across = (self._across @ nodes.reshape(-1, self.nodes[1]).T).reshape(cols, count, -1)
+        lines = np.ascontiguousarray(across.transpose(2, 1, 0), kind).reshape(-1, count * cols)
+        down = self._down.astype(kind)
+        for first in range(0, rows, BAND_ROWS):
+            part = slice(first, min(first + BAND_ROWS, rows))
+            near = down[part].any(axis=0)
+            yield part, (down[part][:, near] @ lines[near]).reshape(-1, count, cols)
 
     def to_pixels(self, nodes: Float) -> Single:
         """(..., rows, cols) of pixels from finite values (..., node rows, node cols), in single precision."""
@@ -153,9 +109,10 @@ class PixelLattice:
         return np.asarray(self._between(nodes, np.float64))
 
     def _between(self, nodes: Float, kind: type) -> Any:
-        planes = with_ghosts(np.asarray(nodes, np.float64).reshape(-1, *self.nodes))
+        planes = nodes.reshape(-1, *self.nodes)
         out = np.empty((len(planes), *self.shape), kind)
-        _to_pixels(planes, *self.between, out)
+        for rows, values in self.bands(planes):
+            out[:, rows] = np.moveaxis(values, 1, 0)
         return out.reshape(nodes.shape[:-2] + self.shape)
 
     def window_means(self, values: Single, used: Mask) -> tuple[Float, Float]:
@@ -163,8 +120,13 @@ class PixelLattice:
 
         values: (rows, cols, k); used: (rows, cols). NaN where the share is 0.
         """
-        sums = np.empty((*self.nodes, values.shape[-1] + 1))
-        _window_sums(values, used, self._triangle, self.grid.spacing_px, sums)
+        (rows, cols, count), (down, across) = values.shape, self._window
+        planes = np.empty((rows, count + 1, cols), np.float32)
+        for k in range(count):
+            planes[:, k] = np.where(used, values[..., k], np.float32(0.0))
+        planes[:, count] = used
+        lines = (down.astype(np.float32) @ planes.reshape(rows, -1)).astype(np.float64)
+        sums = (across @ lines.reshape(-1, cols).T).reshape(*self.nodes[::-1], -1).transpose(1, 0, 2)
         share = sums[..., -1]
         with np.errstate(invalid="ignore", divide="ignore"):
             return sums[..., :-1] / share[..., None], share

@@ -27,8 +27,6 @@ from zeromethod.surface.differences import depth_differences
 from zeromethod.warp.continuation import continue_smoothly
 from zeromethod.warp.grid import NodeGrid
 
-FRAMES = 24
-"""Frames read together, 0.4 s at 60 per second. Of 16, noise may be 6 times as large: around a turn."""
 _MOST_SIGMA_PX = 2.0
 """Standard deviation of a pixel's displacement, an eighth of a period, above which it is left out."""
 

@@ -13,32 +13,39 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from zeromethod.arrays import Float, Ints, Single
-from zeromethod.fine.lattice import PixelLattice, pixel_line, with_ghosts
+from zeromethod.arrays import Float, Single
+from zeromethod.fine.lattice import PixelLattice
+from zeromethod.kernels import kernel, read
 from zeromethod.rounding import REORDERED
 from zeromethod.surface.lever import Lever
 
 _PASSES = 3
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
+@kernel(
+    read(numba.float32, 3),
+    read(numba.float32, 3),
+    read(numba.float32, 3),
+    numba.float32[:, ::1],
+    numba.float32[:, ::1],
+    numba.float32[:, ::1],
+    numba.float32[:, ::1],
+    fastmath=REORDERED,
+)
 def _solve(
-    nodes: Single,
-    row_first: Ints,
-    of_rows: Single,
-    of_cell: Single,
+    planes: Single,
     detail: Single,
     variance: Single,
-    slope: Single,
-    slope2: Single,
+    x_slope: Single,
+    y_slope: Single,
+    x_slope2: Single,
+    y_slope2: Single,
 ) -> None:
-    """Planes of the nodes (k, rows + 2, cols + 2), interpolated row by row, and slopes of the pixels."""
+    """Slopes and their variances (rows, cols) of some rows; planes: (rows, 20, cols) of `Planes`."""
     rows, cols = detail.shape[0], detail.shape[1]
-    at, line = np.empty((nodes.shape[0], cols), np.float32), np.empty(nodes.shape[2], np.float32)
     half, one = np.float32(0.5), np.float32(1.0)
     for j in range(rows):
-        for k in range(len(at)):
-            pixel_line(nodes[k], row_first[j], of_rows[j], of_cell, line, at[k])
+        at = planes[j]
         for i in range(cols):
             x, y = detail[j, i, 0] + at[0, i], detail[j, i, 1] + at[1, i]
             sx, sy = at[18, i], at[19, i]
@@ -50,12 +57,12 @@ def _solve(
                 e = at[5, i] + half * (at[9, i] * sx + at[13, i] * sy)
                 area = one / (a * e - b * c)
                 sx, sy = (e * x - b * y) * area, (a * y - c * x) * area
-            slope[0, j, i], slope[1, j, i] = sx, sy
+            x_slope[j, i], y_slope[j, i] = sx, sy
             xu, xv, yu, yv = at[14, i], at[15, i], at[16, i], at[17, i]
             u2, v2 = variance[j, i, 0] * (area * area), variance[j, i, 1] * (area * area)
             of_xu, of_xv, of_yu, of_yv = e * xu - b * yu, e * xv - b * yv, a * yu - c * xu, a * yv - c * xv
-            slope2[0, j, i] = of_xu * of_xu * u2 + of_xv * of_xv * v2
-            slope2[1, j, i] = of_yu * of_yu * u2 + of_yv * of_yv * v2
+            x_slope2[j, i] = of_xu * of_xu * u2 + of_xv * of_xv * v2
+            y_slope2[j, i] = of_yu * of_yu * u2 + of_yv * of_yv * v2
 
 
 def lever_planes(lever: Lever, depth_mm: Float, slope: Float) -> tuple[Float, Float, Float]:
@@ -94,9 +101,7 @@ def pixel_slopes(
     detail: (rows, cols, 2) LCD px beyond the nodes' interpolated position. variance: (rows, cols, 2) of the
     displacement, px^2.
     """
-    nodes = with_ghosts(np.concatenate(planes)).astype(np.float32)
     slope, slope2 = (np.empty((2, *lattice.shape), np.float32) for _ in range(2))
-    first, *weights = lattice.between
-    of_rows, of_cell = (one.astype(np.float32) for one in weights)
-    _solve(nodes, first, of_rows, of_cell, detail, variance, slope, slope2)
+    for rows, between in lattice.bands(np.concatenate(planes), np.float32):
+        _solve(between, detail[rows], variance[rows], *slope[:, rows], *slope2[:, rows])
     return slope, slope2

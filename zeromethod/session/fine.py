@@ -8,14 +8,14 @@ from collections import deque
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from zeromethod.arrays import Float, Image
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.exposure.target_phase import TargetPhase
-from zeromethod.fine.frames import FineFrame
-from zeromethod.fine.reader import FRAMES, FineReader
+from zeromethod.fine.frames import FRAMES, FineFrame
 from zeromethod.fine.surface import FineSurface
 from zeromethod.loop.events import Event
 from zeromethod.loop.state import NULLED, State
@@ -29,6 +29,9 @@ from zeromethod.surface.comparison import TruthSource
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.warp import Warp
 from zeromethod.worker import SameThread, Worker
+
+if TYPE_CHECKING:
+    from zeromethod.fine.reader import FineReader
 
 EVERY_S = 0.4
 """Time from one reading to the next at least: by then all frames are new at 60 per second."""
@@ -113,11 +116,14 @@ class FineReadings:
     @contextlib.contextmanager
     def in_own_process(self) -> Iterator[None]:
         """Within this context, read in a process of its own."""
+        # here, so that what must be compiled is, before the run
+        from zeromethod.session import fine_process  # noqa: PLC0415 - only --fine needs it
+
         rows, cols = self._grid.image_shape
         size = FRAMES * (rows * cols * (1 + (self._rig.camera.bits > 8)))
         size += FRAMES * _BYTES_PER_NODE * math.prod(self._grid.shape) + 4 * _BYTES_PER_PIXEL * rows * cols
         with ExitStack() as stack:
-            module = "zeromethod.session.fine_process"
+            module = fine_process.__name__
             self._process = SurfaceProcess(self._rig, self._grid, module, size, _PATIENCE_S)
             stack.callback(self._process.close)
             self._worker = Worker("read fine surface", lambda: nullcontext(self._serve), kept=1)
@@ -173,6 +179,8 @@ class FineReadings:
         if self._process is not None:
             surface: FineSurface = self._process.ask(frames)
             return surface
+        from zeromethod.fine.reader import FineReader  # noqa: PLC0415 - only --fine needs it
+
         self._own = self._own or FineReader(self._rig, self._optics, self._grid)
         return self._own.read(frames)
 

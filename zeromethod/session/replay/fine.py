@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from zeromethod.fine.frames import FineFrame
-from zeromethod.fine.reader import FRAMES, FineReader
+from zeromethod.fine.frames import FRAMES, FineFrame
 from zeromethod.fine.surface import FineSurface
 from zeromethod.loop.circle import FrameResult
 from zeromethod.loop.events import Event
@@ -21,6 +20,9 @@ from zeromethod.session.replay.differences import Figures, Spread, same, same_su
 from zeromethod.session.zero_doubt import ZeroDoubt
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.warp import Warp
+
+if TYPE_CHECKING:
+    from zeromethod.fine.reader import FineReader
 
 
 @dataclass
@@ -111,6 +113,8 @@ class FineReplay:
         if len(frames) < FRAMES:
             self.differences.unread += compare
             return
+        from zeromethod.fine.reader import FineReader  # noqa: PLC0415 - only --fine needs it
+
         self._reader = self._reader or FineReader(self._rig, Optics(self._rig), self._grid)
         surface = self._reader.read(with_doubt(frames, self._recording.zero(step), self._doubt))
         if compare:
