@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import time
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 from rich.console import Console
 
 from zeromethod.calibration.folder import DOCUMENT, calibration_of, lacks_document
@@ -171,9 +173,9 @@ def run_command(
     """
     _check_length(frames, seconds)
     if (arrays := load_light_array(rig_name)) is not None:
-        context = click.get_current_context()
         from zeromethod.cli.light_array import run_light_array  # noqa: PLC0415 - only these rigs need it
 
+        context = click.get_current_context()
         run_light_array(arrays, given_options(context), context.params)
         return
     names = ("recording", "keep", "every", "compress")
@@ -220,9 +222,9 @@ def run_command(
         nullcontext() if publish is None else Publisher(publish, opened.clock) as publisher,
     ):
         if auto_exposure and exposure_setter_of(opened.camera) is None:
-            name = type(opened.camera).__name__
             raise InputError(
-                f"--auto-exposure: {name} cannot change its exposure during a run: give --exposure"
+                f"--auto-exposure: {type(opened.camera).__name__} cannot change its exposure during a run: "
+                "give --exposure"
             )
         if publisher is not None:
             click.echo(f"publishing at {publisher.address}", err=True)
@@ -249,6 +251,7 @@ def run_command(
             stopped_by_signals(session.interrupt),
         ):
             say("")
+            began_s = time.perf_counter()
             follow(
                 session,
                 opened,
@@ -260,7 +263,8 @@ def run_command(
                 recorder=lambda path: replace(recording, recording=path).maker(stated, stored, fine),
             )
         recording.report(session.result.recording_trouble, session.result.recording_astray)
-        _report(session.result, figure, summary)
+        taken_s = None if session.loop.live else time.perf_counter() - began_s
+        _report(session.result, figure, summary, taken_s)
 
 
 def _check_length(frames: int | None, seconds: float | None) -> None:
@@ -276,10 +280,23 @@ def _check_passive(by: str, typed: list[str]) -> None:
             raise InputError(f"{by} and {option}: give one of them: a passive run has no loop")
 
 
-def _report(result: RunResult, figure: Path | None, summary: Path | None) -> None:
-    """Print the table, write what was asked for, and turn the outcome into an exit code."""
+def _where_time_went(result: RunResult, taken_s: float) -> str:
+    """What a simulated run's computing was for. taken_s: all of it."""
+    ms = [(one.loop_ms, one.draw_ms, one.read_ms) for one in result.records]
+    loop_s, draw_s, read_s = 1e-3 * np.nansum(np.array(ms, dtype=np.float64).reshape(-1, 3), axis=0)
+    own = f"loop {loop_s:.1f} s, drawing {draw_s:.1f} s, reading {read_s:.1f} s"
+    return f"computed in {taken_s:.0f} s: {own}, the rest by the simulated bench; a real one takes no time"
+
+
+def _report(result: RunResult, figure: Path | None, summary: Path | None, taken_s: float | None) -> None:
+    """Print the table, write what was asked for, and turn the outcome into an exit code.
+
+    taken_s: how long a simulated run took.
+    """
     figures = summarise(result)
     Console().print(summary_table(figures))
+    if taken_s is not None:
+        click.echo(_where_time_went(result, taken_s), err=True)
     try:
         write_summary(summary, figures)
     finally:
