@@ -14,7 +14,6 @@ import numpy as np
 from rich.console import Console
 
 from zeromethod.cli.device_options import control_options, given_options, given_rig
-from zeromethod.cli.light_array import replay_light_array
 from zeromethod.cli.numbers import Real
 from zeromethod.cli.output import OutputFile, figure_option, summary_option, write_summary
 from zeromethod.cli.page_options import page_options
@@ -106,6 +105,8 @@ def replay_command(**options: Any) -> None:
     other settings, for comparison.
     """
     if is_light_recording(options["file"]):
+        from zeromethod.cli.light_array import replay_light_array  # noqa: PLC0415 - only these rigs need it
+
         replay_light_array(options["file"], given_options(click.get_current_context()), options["summary"])
         return
     view, control = options.pop("view"), options.pop("control")

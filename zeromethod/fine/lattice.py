@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+import cv2
 import numpy as np
 from scipy.sparse import csr_array
 
@@ -92,8 +93,8 @@ class PixelLattice:
         nodes: (k, node rows, node cols). kind: float64, or float32 for a faster result.
         """
         count, rows, cols = len(nodes), *self.shape
-        across = (self._across @ nodes.reshape(-1, self.nodes[1]).T).reshape(cols, count, -1)
-        lines = np.ascontiguousarray(across.transpose(2, 1, 0), kind).reshape(-1, count * cols)
+        across = self._across @ nodes.transpose(2, 1, 0).reshape(self.nodes[1], -1)
+        lines = np.asarray(cv2.transpose(across.astype(kind))).reshape(-1, count * cols)
         down = self._down.astype(kind)
         for first in range(0, rows, BAND_ROWS):
             part = slice(first, min(first + BAND_ROWS, rows))

@@ -1,4 +1,4 @@
-"""One frame's numbers, compiled: readings and the levels that were lit to depth modes and the next levels."""
+"""What one frame says: readings and the levels that were lit to depth modes."""
 
 from __future__ import annotations
 
@@ -9,30 +9,20 @@ import numba
 import numpy as np
 
 from zeromethod.arrays import Float, Mask
+from zeromethod.kernels import kernel, read
 from zeromethod.light_array.modes import Modes
 from zeromethod.light_array.optics import COUNT, ArrayOptics
 from zeromethod.light_array.rig import SIDE, LightArrayRig
+from zeromethod.rounding import REORDERED
 
 _LEFT_OUT = 1e-4
 """Light of an LED, relative to one looked at directly, below which it is left out."""
 
-_PASSES = 12
-"""Steps of conjugate gradients for the next levels, at most; noise alone takes one."""
-
 _PRIOR_LIGHT, _PRIOR_AMBIENT = 0.3, 0.1
 """Standard deviations of the LEDs' common brightness, relative to rest, and of light from outside."""
 
-_DAMPING = 0.03
-"""Patterns of levels of which less than the root of this share reaches the detectors take several frames:
-where the mirror gathers light, several detectors look at one LED, and it cannot show what all should."""
-
-_COVERED = 0.75
-"""Share of what a detector looks at that working LEDs must cover, so that levels can null it."""
-
 _STEP = 1e-5
 """Depth, mm, and slope by which the change of a place looked at is worked out."""
-
-_LEDS = np.arange(float(SIDE))
 
 
 class Model(NamedTuple):
@@ -89,82 +79,133 @@ def place_by(optics: ArrayOptics, fields: Float) -> Float:
     return change
 
 
-@numba.njit(cache=True)
 def looked_at(optics: ArrayOptics, field: Float) -> Float:
     """(256, 2) place on the LED plane that each detector looks at, LED pitches.
 
     field: (6, 256) depth of the mirror and its derivatives, as of `Modes.derivatives`, where they look at
     rest.
     """
-    place, face = np.empty((COUNT, 2)), optics.led_face
-    along = -optics.direction[0] / optics.direction[2]
+    return _look_of(optics, field, np.zeros((COUNT, 2)), 0).place
+
+
+def look(model: Model, modes: Float) -> Look:
+    """Where detectors look by the mirror of modes, and what they see of the LEDs there."""
+    field = (model.fields @ modes).reshape(6, COUNT)
+    return _look_of(model.optics, field, model.off, model.reach)
+
+
+def _look_of(optics: ArrayOptics, field: Float, off: Float, reach: int) -> Look:
+    at = Look(np.empty((COUNT, 2)), np.zeros((COUNT, SIDE)), np.zeros((COUNT, SIDE)))
+    _look(*optics, field, off, reach, *at)
+    return at
+
+
+@kernel(
+    read(numba.float64, 2),
+    read(numba.float64, 1),
+    read(numba.float64, 2),
+    read(numba.float64, 1),
+    numba.float64,
+    read(numba.float64, 1),
+    read(numba.float64, 2),
+    read(numba.float64, 2),
+    numba.int64,
+    numba.float64[:, ::1],
+    numba.float64[:, ::1],
+    numba.float64[:, ::1],
+)
+def _look(
+    mirror_mm: Float,
+    direction: Float,
+    face: Float,
+    first_mm: Float,
+    pitch_mm: float,
+    blur: Float,
+    field: Float,
+    off: Float,
+    reach: int,
+    place: Float,
+    along: Float,
+    across: Float,
+) -> None:
+    """Trace the detectors' rays by the mirror to the LED plane; enter in `Look`, 0 before, what they see.
+
+    The first six as of `ArrayOptics`, the others as of `looked_at` and `Model`.
+    """
+    forth = -direction[0] / direction[2]
     for k in range(COUNT):
         d0, dx, dy, dxx, dxy = field[0, k], field[1, k], field[2, k], field[3, k], field[4, k]
         depth = d0
         for _ in range(3):  # a ray goes on along x until it meets the dented mirror
-            on = along * depth
+            on = forth * depth
             depth = d0 + on * (dx + on / 2 * dxx)
-        on = along * depth
+        on = forth * depth
         sx, sy = dx + on * dxx, dy + on * dxy
-        px, py, pz = optics.mirror_mm[k, 0] + on, optics.mirror_mm[k, 1], -depth
-        rx, ry, rz = optics.direction
+        px, py, pz = mirror_mm[k, 0] + on, mirror_mm[k, 1], -depth
+        rx, ry, rz = direction[0], direction[1], direction[2]
         into = 2 * (rx * sx + ry * sy + rz) / (sx * sx + sy * sy + 1)
         rx, ry, rz = rx - into * sx, ry - into * sy, rz - into
         px, py, pz = px - face[0, 0], py - face[0, 1], pz - face[0, 2]
-        reach = -(px * face[2, 0] + py * face[2, 1] + pz * face[2, 2])
-        reach /= rx * face[2, 0] + ry * face[2, 1] + rz * face[2, 2]
-        px, py, pz = px + reach * rx, py + reach * ry, pz + reach * rz
+        way = -(px * face[2, 0] + py * face[2, 1] + pz * face[2, 2])
+        way /= rx * face[2, 0] + ry * face[2, 1] + rz * face[2, 2]
+        px, py, pz = px + way * rx, py + way * ry, pz + way * rz
         on_face = px * face[1, 0] + py * face[1, 1] + pz * face[1, 2]
-        place[k, 0] = (on_face - optics.first_mm[0]) / optics.pitch_mm
-        place[k, 1] = (py - optics.first_mm[1]) / optics.pitch_mm
-    return place
-
-
-@numba.njit(cache=True)
-def look(model: Model, modes: Float) -> Look:
-    """Where detectors look by the mirror of modes, and what they see of the LEDs there."""
-    place = looked_at(model.optics, (model.fields @ modes).reshape(6, COUNT)) + model.off
-    spots = np.zeros((2, COUNT, SIDE))
-    for k in range(COUNT):
-        square = model.optics.blur[k] ** 2
+        place[k, 0] = (on_face - first_mm[0]) / pitch_mm + off[k, 0]
+        place[k, 1] = (py - first_mm[1]) / pitch_mm + off[k, 1]
+        square = blur[k] ** 2
         peak, decay = 1 / math.sqrt(2 * math.pi * square), math.exp(-1 / square)
         for axis in range(2):
+            spots = across if axis else along
             # a place far off the array is dark, whatever it is
             at = min(max(place[k, axis], -2.0 * SIDE), 3.0 * SIDE)
-            first, last = max(round(at) - model.reach, 0), min(round(at) + model.reach, SIDE - 1)
+            first, last = max(round(at) - reach, 0), min(round(at) + reach, SIDE - 1)
             # a Gaussian from LED to LED, by products: exponentials would take longest
-            off = first - at
-            spot = peak * math.exp(-off * off / (2 * square))
-            ratio = math.exp(-(2 * off + 1) / (2 * square))
+            left = first - at
+            spot = peak * math.exp(-left * left / (2 * square))
+            ratio = math.exp(-(2 * left + 1) / (2 * square))
             for led in range(first, last + 1):
-                spots[axis, k, led] = spot
+                spots[k, led] = spot
                 spot *= ratio
                 ratio *= decay
-    return Look(place, spots[0], spots[1])
 
 
-@numba.njit(cache=True, fastmath=True)
-def _row_sums(one: Float, other: Float) -> Float:
-    """(256,) sums over each row of a product (256, 16)."""
-    total = np.empty(COUNT)
+@kernel(
+    read(numba.float64, 2),
+    read(numba.float64, 2),
+    read(numba.float64, 2),
+    read(numba.float64, 2),
+    numba.float64[::1],
+    numba.float64[:, ::1],
+    fastmath=REORDERED,
+)
+def _light(place: Float, along: Float, across: Float, levels: Float, total: Float, by_place: Float) -> None:
+    """Light that each detector sees of levels (16, 16), and (2, 256) its change by place, times blur^2."""
     for k in range(COUNT):
-        row = 0.0
-        for j in range(SIDE):
-            row += one[k, j] * other[k, j]
-        total[k] = row
-    return total
+        total[k] = by_place[0, k] = by_place[1, k] = 0.0
+        for row in range(SIDE):
+            share = across[k, row]
+            if share != 0.0:
+                light = moment = 0.0
+                for column in range(SIDE):
+                    one = along[k, column] * levels[row, column]
+                    light += one
+                    moment += column * one
+                total[k] += share * light
+                by_place[0, k] += share * moment
+                by_place[1, k] += row * share * light
+        by_place[0, k] -= place[k, 0] * total[k]
+        by_place[1, k] -= place[k, 1] * total[k]
 
 
-@numba.njit(cache=True)
+def _seen_by_place(at: Look, levels: Float) -> tuple[Float, Float]:
+    total, by_place = np.empty(COUNT), np.empty((2, COUNT))
+    _light(*at, levels.reshape(SIDE, SIDE), total, by_place)
+    return total, by_place
+
+
 def seen(at: Look, levels: Float) -> Float:
     """(256,) light that each detector sees of levels (256,)."""
-    return _row_sums(at.across, at.along @ levels.reshape(SIDE, SIDE).T)
-
-
-@numba.njit(cache=True)
-def _back(at: Look, values: Float) -> Float:
-    """(256,) the transpose of `seen`: how much each LED adds to values (256,) of the detectors."""
-    return ((at.across * values.reshape(COUNT, 1)).T @ at.along).reshape(COUNT)
+    return _seen_by_place(at, levels)[0]
 
 
 def each_led(at: Look) -> Float:
@@ -172,74 +213,14 @@ def each_led(at: Look) -> Float:
     return (at.across[:, :, None] * at.along[:, None, :]).reshape(COUNT, COUNT)
 
 
-@numba.njit(cache=True)
 def light_by_place(model: Model, at: Look, levels: Float) -> tuple[Float, Float]:
     """(256,) light that each detector sees, and (2, 256) its change with the place looked at.
 
     The second in sigmas of a reading per LED pitch.
     """
-    along, across = at.along, at.across
-    by_column = levels.reshape(SIDE, SIDE).T
-    rows, moments = along @ by_column, (along * _LEDS) @ by_column
-    total = _row_sums(across, rows)
-    by_u = _row_sums(across, moments) - at.place[:, 0] * total
-    by_v = _row_sums(across * _LEDS, rows) - at.place[:, 1] * total
-    weight, by_place = 1 / (model.optics.blur**2 * model.sigma), np.empty((2, COUNT))
-    by_place[0], by_place[1] = weight * by_u, weight * by_v
+    total, by_place = _seen_by_place(at, levels)
+    by_place /= model.optics.blur**2 * model.sigma
     return total, by_place
-
-
-@numba.njit(cache=True)
-def correction(at: Look, missing: Float, gain: Float, sigma: float) -> Float:
-    """(256,) change of levels that adds the light `missing` (256,) at the detectors, within its noise sigma.
-
-    gain: (256,) of each LED, 0 for none.
-    """
-    change = np.zeros(COUNT)
-    left = missing.copy()
-    slope = gain * _back(at, left)
-    along = slope.copy()
-    size = slope @ slope
-    along_flat, across_flat = at.along.reshape(-1), at.across.reshape(-1)
-    enough = sigma * sigma * (along_flat @ along_flat) * (across_flat @ across_flat) / COUNT
-    for done in range(_PASSES):
-        if size <= (enough if done else 0.0):
-            break
-        adds = np.where(missing != 0.0, seen(at, gain * along), 0.0)
-        step = size / (adds @ adds + _DAMPING * (along @ along))
-        change += step * along
-        left -= step * adds
-        slope = gain * _back(at, left) - _DAMPING * change
-        before, size = size, slope @ slope
-        along = slope + size / before * along
-    return change
-
-
-@numba.njit(cache=True)
-def next_levels(
-    at: Look, missing: Float, gain: Float, shown: Float, newest: Float, share: float, sigma: float
-) -> tuple[Float, float, float]:
-    """Levels (256,) that bring detectors to rest, what they can still add to a frame, and what it lacks, rms.
-
-    Detectors that look beyond the LEDs, or at dead ones, are not counted: nothing brings them to rest.
-
-    missing: (256,) light at the detectors, 0 where one is not used. gain: of the LEDs, 0 for those left out.
-    shown, newest: levels lit in the frame, and those sent last, whose light is on its way. share: of a
-    correction that is applied.
-    """
-    covered = seen(at, np.where(gain > 0.0, 1.0, 0.0)) > _COVERED
-    missing = np.where(covered, missing, 0.0)
-    lacks = missing - np.where(missing != 0.0, seen(at, gain * (newest - shown)), 0.0)
-    change = correction(at, lacks, gain, sigma)
-    stuck = ((newest <= 0.0) & (change < 0.0)) | ((newest >= 1.0) & (change > 0.0))
-    if stuck.any():  # what LEDs at their limit cannot give, the others around them may
-        change = correction(at, lacks, np.where(stuck, 0.0, gain), sigma)
-    whole = np.minimum(np.maximum(newest + change, 0.0), 1.0)
-    adds = np.where(missing != 0.0, seen(at, gain * (whole - shown)), 0.0)
-    wanted = np.minimum(np.maximum(newest + share * change, 0.0), 1.0)
-    used = max(1.0, np.count_nonzero(missing) * 1.0)
-    could, residual = math.sqrt(adds @ adds / used), math.sqrt(missing @ missing / used)
-    return np.where(gain > 0.0, wanted, 0.0), could, residual
 
 
 class Fit(NamedTuple):
@@ -257,7 +238,6 @@ class Fit(NamedTuple):
     scale: float
 
 
-@numba.njit(cache=True)
 def fit(
     model: Model, state: Float, at: Look, covariance: Float, fresh: bool, lit: Float, offset: Float,
     reading: Float, used: Mask,
@@ -274,17 +254,19 @@ def fit(
     total, by_place = light_by_place(model, at, lit)
     left = (reading - offset - bright * total - state[count + 1]) / model.sigma
     jacobian = np.empty((COUNT, count + 2))
-    by_u, by_v = on * bright * by_place[0], on * bright * by_place[1]
-    for k in range(COUNT):
-        for j in range(count):
-            jacobian[k, j] = by_u[k] * model.by_mode[0, k, j] + by_v[k] * model.by_mode[1, k, j]
+    np.einsum("ak,akj->kj", on * bright * by_place, model.by_mode, out=jacobian[:, :count])
     jacobian[:, count], jacobian[:, count + 1] = on * total / model.sigma, on / model.sigma
     if fresh:
         covariance[:] = np.linalg.inv(jacobian.T @ jacobian + np.diag(model.prior))
     step = covariance @ (jacobian.T @ left - model.prior * state)
     left = left - jacobian @ step
     # where no detector is used, noise moves the modes as it likes
-    by_u, by_v = on * (model.by_mode[0] @ step[:count]), on * (model.by_mode[1] @ step[:count])
-    moved = max(np.abs(by_u).max(), np.abs(by_v).max())
+    moved = float(np.abs(on * (model.by_mode @ step[:count])).max())
     state = state + step
-    return Fit(state, look(model, state[:count]), left, moved, 1.4826 * np.median(np.abs(left)[used]))
+    return Fit(state, look(model, state[:count]), left, moved, _scale(left[used]))
+
+
+def _scale(left: Float) -> float:
+    """Robust standard deviation; NaN of nothing. Sorted: `np.median` takes several times as long."""
+    size, count = np.sort(np.abs(left)), len(left)
+    return float(1.4826 * 0.5 * (size[(count - 1) // 2] + size[count // 2])) if count else math.nan

@@ -15,9 +15,10 @@ from zeromethod.contact import Contact
 from zeromethod.light_array.channels import Channels
 from zeromethod.light_array.depth import DepthReader
 from zeromethod.light_array.devices import FULL_SCALE, Counts, LightArrays, Readings
-from zeromethod.light_array.estimate import Fit, fit, look, model_of, next_levels
+from zeromethod.light_array.estimate import Fit, fit, look, model_of
 from zeromethod.light_array.exchange import Exchange, GivenUp, Record, no_record
 from zeromethod.light_array.finer import FinerDents
+from zeromethod.light_array.next_levels import next_levels
 from zeromethod.light_array.optics import COUNT
 from zeromethod.light_array.rig import LightArrayRig
 from zeromethod.light_array.start import Start, measure_start

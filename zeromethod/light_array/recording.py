@@ -13,7 +13,6 @@ import numpy as np
 
 from zeromethod.errors import InputError
 from zeromethod.light_array.devices import Counts, LightArrays, Readings
-from zeromethod.light_array.loop import LightLoop
 from zeromethod.light_array.optics import COUNT
 from zeromethod.light_array.rig import LightArrayRig
 from zeromethod.recording.file import check_new
@@ -111,6 +110,8 @@ def _recorded(path: Path) -> tuple[LightArrayRig, dict[str, Any]]:
 
 def replay(path: Path) -> dict[str, Any]:
     """Run the loop again on a recording's readings: how many levels and readings of depth differ."""
+    from zeromethod.light_array.loop import LightLoop  # noqa: PLC0415 - only recordings of arrays need it
+
     rig, tables = _recorded(path)
     again: dict[str, dict[int, Any]] = {name: {} for name in tables}
 
