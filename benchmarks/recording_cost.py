@@ -50,7 +50,7 @@ from zeromethod.recording.recording import Recording
 from zeromethod.recording.schema import KEEP
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
-from zeromethod.session.reading import StepReader, timed, first_warp
+from zeromethod.session.reading import StepReader, first_warp, timed
 from zeromethod.session.surfaces import Surfaces
 from zeromethod.view.progress import progress
 

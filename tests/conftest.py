@@ -49,8 +49,8 @@ SHARING = ("calibration/", "export/", "commissioning/calibration/", "session/rep
 """Folders whose tests share fixtures that take seconds."""
 
 ORDER = ("tests/drivers/", "tests/acceptance/", "tests/test_", "tests/study/", "tests/view/", "tests/c")
-"""What begins: drivers, then tests of many seconds each, so that no worker waits at the end for one that began
-them last."""
+"""What begins: drivers, then tests of many seconds each, so that at the end no worker waits for one that
+began them last."""
 
 
 class _Together(LoadScopeScheduling):
