@@ -15,6 +15,5 @@ from zeromethod.optics import Optics
 def test_order_check_and_coded_pictures_go_with_what_keeps_its_pictures(monkeypatch, kind, keeps):
     rig = load_rig("simulated").replace(BENCH_160, control={"controller": "integrator"})
     monkeypatch.setattr(assembly, "controller_of", lambda _, rest: kind(rest))
-    monkeypatch.setattr(assembly, "warm_up", lambda *_: None)
     circle = assembly.make_circle(rig, Optics(rig)).circle
     assert [circle._order_check is not None, circle.burst is not None] == [keeps, keeps]
