@@ -1,11 +1,12 @@
-"""Why each compiled function is compiled: what it takes a frame, and what numpy would take at least.
+"""Why each compiled function is compiled: what it takes a frame, and about what numpy would take.
 
 The packaged rig's default scenario is run once, and every call of a compiled function is timed. numpy's time
-is a lower bound that is measured, not a second version of the code: one elementary operation on the largest
-array given, for each arithmetic operation, comparison and call that is written in the function. Recursions
-along lines, fills and anything that ends early would take numpy far longer.
+is estimated, not that of a second version of the code: one elementary operation, which is timed, on the largest
+array given, for each arithmetic operation, comparison and call that is written in the function. So branches
+and coarser lattices count as if every node took them, and a recursion along lines, which numpy cannot do at
+once, as if it could.
 
-A function is worth its compiling if it saves over 0.3 ms a frame; others are listed as *numpy would do*.
+A function is worth its compiling if it saves over 0.3 ms a frame; of others it says so.
 """
 
 from __future__ import annotations
@@ -99,7 +100,7 @@ def report(frames: int) -> Report:
         saved_ms = numpy_ms - compiled_ms
         vain += saved_ms < WORTH_MS
         data[name] = {"calls": of.count / frames, "compiled_ms": compiled_ms, "numpy_ms": numpy_ms}
-        words = "" if saved_ms >= WORTH_MS else "numpy would do, or is a recursion"
+        words = "" if saved_ms >= WORTH_MS else "little saved, or a recursion"
         rows.append(
             (saved_ms, (name, f"{of.count / frames:.2f}", f"{compiled_ms:.3f}", f"{numpy_ms:.3f}", words))
         )
@@ -107,10 +108,10 @@ def report(frames: int) -> Report:
     whole = sum(of.seconds for of in calls.values())
     figures = [
         Figure("compiled functions that the default scenario calls", f"{len(calls)}"),
-        Figure("of these, savings that the bound does not show", f"{vain}"),
+        Figure("of these, with savings that the estimate does not show", f"{vain}"),
         Figure("time in compiled functions", f"{1e3 * whole / frames:.2f} ms a frame"),
     ]
-    head = ("function", "calls a frame", "compiled, ms", "numpy at least, ms", "")
+    head = ("function", "calls a frame", "compiled, ms", "numpy about, ms", "")
     return Report("Compiled functions", figures, [head, *(row for _, row in rows)], {"functions": data})
 
 
