@@ -2,8 +2,8 @@
 
 The packaged rig's default scenario is run once, and every call of a compiled function is timed. numpy's time
 is estimated, not that of a second version of the code: one elementary operation, which is timed, on the
-largest array given, for each arithmetic operation, comparison and call that is written in the function. So
-branches and coarser lattices count as if every node took them, and a recursion along lines, which numpy cannot
+largest array given, for each arithmetic operation, comparison and call that is written in the function.
+So branches and coarser lattices count as if every node took them, and a recursion, which numpy cannot
 do at once, as if it could.
 
 A function is worth its compiling if it saves over 0.3 ms a frame; of others it says so.
