@@ -296,7 +296,7 @@ def _report(result: RunResult, figure: Path | None, summary: Path | None, taken_
     figures = summarise(result)
     Console().print(summary_table(figures))
     if taken_s is not None:
-        click.echo(_where_time_went(result, taken_s), err=True)
+        click.echo(_where_time_went(result, taken_s))
     try:
         write_summary(summary, figures)
     finally:
