@@ -65,8 +65,8 @@ def elementary_s(size: int) -> float:
     return min(taken)
 
 
-def calls_of_run(frames: int) -> tuple[dict[Kernel, Calls], int]:
-    """Every compiled function's calls in the default scenario, and its frames."""
+def calls_of_run(frames: int) -> dict[Kernel, Calls]:
+    """Every compiled function's calls in so many frames of the default scenario."""
     calls: dict[Kernel, Calls] = defaultdict(Calls)
     call = Kernel.__call__
 
@@ -86,12 +86,12 @@ def calls_of_run(frames: int) -> tuple[dict[Kernel, Calls], int]:
                 advance()
         finally:
             Kernel.__call__ = call  # type: ignore[method-assign]
-    return calls, frames
+    return calls
 
 
 def report(frames: int) -> Report:
     """Compiled functions by what they save, and how many do not."""
-    calls, frames = calls_of_run(frames)
+    calls = calls_of_run(frames)
     rows, data, vain = [], {}, 0
     for kernel, of in calls.items():
         name = f"{kernel.__module__.removeprefix('zeromethod.')}.{kernel.__name__}"

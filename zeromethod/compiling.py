@@ -142,7 +142,8 @@ def compile_ahead(roots: Iterable[str], say: Callable[[str], None]) -> None:
             while thread.is_alive():
                 thread.join(EVERY_S)
                 so_far = max(done, loaded)
-                if 0 < so_far < count:
+                # loading what is compiled already takes seconds, and is nothing to tell
+                if done and so_far < count:
                     left_s = (time.monotonic() - began_s) * (count - so_far) / so_far
                     words = f"{so_far} of {count} functions, {left_s:.0f} s left"
                     say(f"compiling, once on a new machine: {words}")

@@ -21,8 +21,12 @@ from numba.np.numpy_support import as_dtype
 
 import zeromethod.compiling  # noqa: F401 - tells of what must be compiled, and does it on every core
 
-piece = numba.njit(cache=True, nogil=True, error_model="numpy")
-"""Decorator of what only other compiled functions call; division by zero is as in numpy."""
+_OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy"}
+
+
+def piece(function: Any = None, **options: Any) -> Any:
+    """Compile what only other compiled functions call: `@piece`, or `@piece(...)` with numba's options."""
+    return numba.njit(function, **(_OPTIONS | options))
 
 
 def read(kind: Any, dimensions: int) -> types.Array:
@@ -36,8 +40,7 @@ class Kernel:
     def __init__(
         self, function: Callable[..., Any], arguments: tuple[Any, ...], options: dict[str, Any]
     ) -> None:
-        options = {"cache": True, "nogil": True, "error_model": "numpy", **options}
-        self.compiled = numba.njit(arguments, **options)(function)
+        self.compiled = numba.njit(arguments, **(_OPTIONS | options))(function)
         self.__doc__, self.__name__, self.__module__ = (
             function.__doc__,
             function.__name__,

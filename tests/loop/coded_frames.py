@@ -49,7 +49,7 @@ def panel(refresh_hz: float = 60.0, rise_s: float = 0.004, scan: str = "down") -
 
 
 def reader(bits: int = 8) -> StripReader:
-    return StripReader(STRIPS, SHAPE, NOISE, bits)
+    return StripReader(STRIPS, NOISE, bits)
 
 
 def _strip_light(strip: Strip, levels: np.ndarray, u: np.ndarray) -> np.ndarray:

@@ -176,7 +176,7 @@ class _Look:
                 "delay: the camera does not see the panel along two edges: no room for codes"
             )
         self._drawer = Drawer(rig, devices.display, devices.clock, self._rest, strips)
-        reader = StripReader(strips, self._rest.grid.image_shape, rig.camera.noise, rig.camera.bits)
+        reader = StripReader(strips, rig.camera.noise, rig.camera.bits)
         self._watch = DelayWatch(reader, PanelTiming.of(rig.display), rig.display.refresh_hz)
         self._log = PresentationLog(self._rest.q.shape[:2])
         self._refresh_ns = 1e9 / rig.display.refresh_hz

@@ -27,7 +27,7 @@ import numpy as np
 
 from zeromethod.arrays import Float, Ints, Mask
 from zeromethod.exposure.panel_rows import at_rows
-from zeromethod.kernels import kernel, read
+from zeromethod.kernels import kernel, piece, read
 
 LEAST_COHERENCE = 0.5
 """Least share of the carrier's amplitude in the mix: below, small errors of weight shift the phase a lot."""
@@ -79,7 +79,7 @@ class Mixture:
     bias_px: Float | None
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=_FAST, inline="always")
+@piece(fastmath=_FAST, inline="always")
 def _sine(x: float) -> float:
     """Sine for |x| <= pi / 2."""
     y = x * x
@@ -87,7 +87,7 @@ def _sine(x: float) -> float:
     return value
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=_FAST, inline="always")
+@piece(fastmath=_FAST, inline="always")
 def _arctan(x: float) -> float:
     """Arc tangent for |x| <= 1."""
     y = x * x

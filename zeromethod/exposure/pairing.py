@@ -25,7 +25,7 @@ from zeromethod.devices.protocols import Frame
 from zeromethod.exposure.mixture import Mixture, mixture
 from zeromethod.exposure.presentation_log import PresentationLog
 from zeromethod.exposure.target_phase import Lit, Sight, TargetPhase, carrier_turns
-from zeromethod.kernels import kernel, read
+from zeromethod.kernels import kernel, piece, read
 from zeromethod.rig.model import DisplaySpec
 from zeromethod.rounding import REORDERED
 from zeromethod.warp.grid import NodeGrid
@@ -150,7 +150,7 @@ def _changes_ns(times_ns: Ints, frame: Frame, timing: PanelTiming) -> Float:
     return np.asarray(times_ns - frame.time_ns, dtype=np.float64) + timing.latency_ns
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED, inline="always")
+@piece(fastmath=REORDERED, inline="always")
 def _mix_at(warps: Float, slots: Ints, weights: Float, place: float, j: int, i: int) -> tuple[float, float]:
     """LCD position of the mix at a node that looks at this place among the panel rows of the weights."""
     n = min(int(place), weights.shape[0] - 2)

@@ -113,16 +113,10 @@ def _windows(strip: Strip) -> Ints:
 class StripReader:
     """Reader of the strips of a rig's frames.
 
-    image_shape: of the frames. noise: the camera's, for its black level. bits: its bit depth.
+    noise: the camera's, for its black level. bits: its bit depth.
     """
 
-    def __init__(
-        self,
-        strips: Strips,
-        image_shape: tuple[int, int],  # noqa: ARG002 - callers name it
-        noise: Noise,
-        bits: int,
-    ) -> None:
+    def __init__(self, strips: Strips, noise: Noise, bits: int) -> None:
         self._along_u = strips.along_u
         self._strips = tuple((_windows(strip), strip.panel_rows) for strip in (strips.first, strips.last))
         self._black = noise.black_grey

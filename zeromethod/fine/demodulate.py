@@ -24,7 +24,7 @@ from zeromethod.arrays import Float, Image, Mask, Single
 from zeromethod.errors import InputError
 from zeromethod.fine.frames import Steps
 from zeromethod.fine.lattice import BAND_ROWS
-from zeromethod.kernels import kernel, read
+from zeromethod.kernels import kernel, piece, read
 from zeromethod.rig.model import Noise
 
 UNKNOWNS = 5
@@ -94,7 +94,7 @@ class Demodulated:
     ends: Single
 
 
-@numba.njit(cache=True, inline="always")
+@piece(inline="always")
 def _quadratic(matrix: Float, values: Single, i: int) -> float:
     total = 0.0
     for a in range(5):

@@ -8,7 +8,7 @@ import numba
 import numpy as np
 
 from zeromethod.arrays import Float
-from zeromethod.kernels import kernel, read
+from zeromethod.kernels import kernel, piece, read
 from zeromethod.light_array.estimate import Look
 from zeromethod.light_array.optics import COUNT
 from zeromethod.light_array.rig import SIDE
@@ -25,7 +25,7 @@ _COVERED = 0.75
 """Share of what a detector looks at that working LEDs must cover, so that levels can null it."""
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
+@piece(fastmath=REORDERED)
 def _sum(along: Float, across: Float, levels: Float) -> float:
     """Light that one detector sees of levels (256,)."""
     total = 0.0
@@ -38,7 +38,7 @@ def _sum(along: Float, across: Float, levels: Float) -> float:
     return total
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
+@piece(fastmath=REORDERED)
 def _slope(along: Float, across: Float, left: Float, gain: Float, change: Float, slope: Float) -> float:
     """Set the slope (256,) of what `_correct` makes least, and return its square."""
     for led in range(COUNT):
@@ -56,7 +56,7 @@ def _slope(along: Float, across: Float, left: Float, gain: Float, change: Float,
     return size
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)
+@piece(fastmath=REORDERED)
 def _correct(
     along: Float, across: Float, missing: Float, gain: Float, enough: float, change: Float, work: Float
 ) -> None:

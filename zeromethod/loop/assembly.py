@@ -60,7 +60,7 @@ def make_circle(
 
     watch = None
     if strips is not None:
-        reader = StripReader(strips, rest.grid.image_shape, rig.camera.noise, rig.camera.bits)
+        reader = StripReader(strips, rig.camera.noise, rig.camera.bits)
         watch = DelayWatch(reader, timing, rig.display.refresh_hz)
     exposures = Exposures(rest.grid, timing, rig.target.kind, watch, sight)
     controller = controller_of(rig.control, rest)

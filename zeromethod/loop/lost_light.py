@@ -23,17 +23,15 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from zeromethod.arrays import Float, Ints, Single
+from zeromethod.arrays import Float, Single
 from zeromethod.kernels import kernel, piece, read
 from zeromethod.sensing.residual import Residual
-from zeromethod.sensing.shading import LARGEST_STRAIN, STEADY_BEND
-from zeromethod.warp.validity import Flag
+from zeromethod.sensing.shading import leaks
 
 APART_NODES = 3
 """Way to the nodes that it is held against: windows reach two nodes."""
 
 _BEYOND = 2 * APART_NODES
-_OUTSIDE = np.uint16(Flag.OUTSIDE)
 
 FRAMES = 16
 """Frames at rest whose mean light is the light at rest."""
@@ -73,25 +71,6 @@ class LostLight:
             _widen(light, self._rest, residual.modulation, self._px_per_rad, nothing, residual.sigma)
 
 
-def _leak(residual: Residual, period_px: float, r: Ints, c: Ints, way: int) -> Float:
-    """`sensing.shading.leak` of nodes (n,) that are measured with their neighbours along a row or column."""
-    modulation, d, flags = residual.modulation.astype(float), residual.d, residual.flags
-    y, x = way, 1 - way
-    steps = np.stack([d[r - y, c - x], d[r + y, c + x]]) - d[r, c]
-    steps -= period_px * np.rint(steps / period_px)
-    largest = np.abs(steps).max(axis=0)
-    before, after = steps[:, :, way]
-    first, last = (flags[r + far * y, c + far * x] & _OUTSIDE != 0 for far in (-2, 2))
-    other = modulation[..., x]
-    bend = np.abs(other[r - y, c - x] - 2 * other[r, c] + other[r + y, c + x])
-    beyond = (first | last) & (bend < STEADY_BEND * other[r, c])
-    straight = np.abs(np.where(last, 3 * after + 2 * before, 3 * before + 2 * after))
-    np.maximum(largest[:, way], straight, out=largest[:, way], where=beyond)
-    strain = np.minimum(largest / (period_px / 2), LARGEST_STRAIN)
-    leaked: Float = (modulation[r, c] * strain**2).sum(axis=-1)
-    return leaked
-
-
 def _line(values: NDArray[Any], way: int) -> list[NDArray[Any]]:
     """Values before, at, and after the inner nodes, along a row (way 0) or a column (1)."""
     down, across = ([slice(1 + by, size - 1 + by) for by in (-1, 0, 1)] for size in values.shape)
@@ -109,7 +88,7 @@ def _widen_at_edges(residual: Residual, black: float, period_px: float) -> None:
         bent = (per_light * bend) ** 2 > noise2[1:-1, 1:-1] * now**2
         j, i = np.nonzero(bent & known[0] & known[1] & known[2])
         r, c = j + 1, i + 1
-        left = np.maximum(bend[j, i] - 4 * _leak(residual, period_px, r, c, way), 0.0)
+        left = np.maximum(bend[j, i] - 4 * leaks(residual, period_px, r, c, way), 0.0)
         off2[r, c] = np.maximum(off2[r, c], (per_light * left / now[j, i]) ** 2 - noise2[r, c])
     most2 = cv2.dilate(off2, np.ones((3, 3), np.uint8))
     wide = most2 > 0.0

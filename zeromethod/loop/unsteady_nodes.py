@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from zeromethod.arrays import Float, Ints, Mask
+from zeromethod.loop.failing_nodes import grown
 from zeromethod.loop.node_figures import quiet_share
 from zeromethod.warp.validity import Flag
 from zeromethod.warp.warp import Warp
@@ -57,18 +58,7 @@ class UnsteadyNodes:
                 self._until_ns[again] = self._last_ns
         if self._last_ns <= time_ns:
             return None
-        unsteady = _with_neighbours(self._until_ns > time_ns)
+        unsteady = grown(self._until_ns > time_ns, 1)
         if self._at_rest and quiet_share(measured.q, known_q, flags, unsteady, QUIET_LCD_PX) <= QUIET_SHARE:
             return None
         return unsteady
-
-
-def _with_neighbours(nodes: Mask) -> Mask:
-    """The nodes and those next to them."""
-    out = nodes.copy()
-    out[1:] |= nodes[:-1]
-    out[:-1] |= nodes[1:]
-    wide = out.copy()
-    wide[:, 1:] |= out[:, :-1]
-    wide[:, :-1] |= out[:, 1:]
-    return wide

@@ -15,16 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zeromethod.arrays import Float, Image, Single
-from zeromethod.kernels import kernel, read
+from zeromethod.kernels import kernel, piece, read
 from zeromethod.rig.model import Noise
 from zeromethod.sensing.demodulate import FAST, Demodulator, clipped_pixels
 from zeromethod.sensing.residual import Limits, Residual, Scales, flags_of
 from zeromethod.sensing.window import carrier_power
-from zeromethod.warp.grid import PADDING, NodeGrid
+from zeromethod.warp.grid import INNER, PADDING, NodeGrid
 
 PI = np.float32(np.pi)
 HALF_PI = np.float32(np.pi / 2)
-_INNER = slice(PADDING, -PADDING), slice(PADDING, -PADDING)
 
 
 class CarrierEstimator:
@@ -72,13 +71,13 @@ class CarrierEstimator:
         work = self._work, self._extremes
         _read_planes(planes, *carriers, *noise, *work, out.d, out.sigma, out.modulation)
         mean = planes[0]
-        out.mean[_INNER] = mean
+        out.mean[INNER] = mean
         over = clipped_pixels(image, self._ceiling, mean.shape, self._half)
         worst, least = self._extremes
-        out.flags[_INNER] = flags_of(worst, least, mean - scales.black, reference_light, over, scales)
+        out.flags[INNER] = flags_of(worst, least, mean - scales.black, reference_light, over, scales)
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=FAST, inline="always")
+@piece(fastmath=FAST, inline="always")
 def _arctan2(y: np.float32, x: np.float32) -> np.float32:
     """Arc tangent without branches, for vector code; minimax polynomial within 4e-8 rad before rounding."""
     ax, ay = abs(x), abs(y)
@@ -179,5 +178,5 @@ def take_out(d: Float, target_rad: Float, period: float) -> None:
 
     They stay within +-P/2.
     """
-    apart = d[_INNER] - period / (2 * math.pi) * target_rad[_INNER]
-    d[_INNER] = apart - period * np.rint(apart / period)
+    apart = d[INNER] - period / (2 * math.pi) * target_rad[INNER]
+    d[INNER] = apart - period * np.rint(apart / period)

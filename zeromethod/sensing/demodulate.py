@@ -12,7 +12,7 @@ import numba
 import numpy as np
 
 from zeromethod.arrays import Image, Ints, Single
-from zeromethod.kernels import kernel, read
+from zeromethod.kernels import kernel, piece, read
 from zeromethod.sensing.window import triangle
 
 FAST = {"reassoc", "contract", "arcp", "nsz"}
@@ -62,7 +62,7 @@ class Demodulator:
         return out
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=FAST)
+@piece(fastmath=FAST)
 def _accumulate(grey: Single, top: int, carrier: Single, sums: Single) -> None:
     """Sums (6, width) over one block of rows, two rows per sweep (six accumulators fit the L1 cache)."""
     half, width = carrier.shape[1], sums.shape[1]
@@ -84,7 +84,7 @@ def _accumulate(grey: Single, top: int, carrier: Single, sums: Single) -> None:
             d1[u] += (ya * sa) * a + (yb * sb) * b
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=FAST)
+@piece(fastmath=FAST)
 def _sum_down(a: Single, b: Single, c: Single, d: Single, half: int, out: Single) -> None:
     """Vertical windows (3, width) of grey and of grey x cosine and sine from four blocks' sums.
 
@@ -102,7 +102,7 @@ def _sum_down(a: Single, b: Single, c: Single, d: Single, half: int, out: Single
             row[u] = scale * (a1[u] - c1[u] + other + (h + h) * c0[u])
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=FAST)
+@piece(fastmath=FAST)
 def _sum_across(rows: Single, taps: Single, diagonal: bool, planes: Single, r: int) -> None:
     """Horizontal windows of one node row; of grey x one carrier's cosine and sine where not diagonal."""
     weight, cosine, sine = taps[0], taps[1], taps[2]

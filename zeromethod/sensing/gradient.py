@@ -17,7 +17,7 @@ from zeromethod.rig.model import Noise
 from zeromethod.sensing.demodulate import clipped_pixels
 from zeromethod.sensing.residual import Limits, Residual, Scales, flags_of
 from zeromethod.sensing.window import sums_along, triangle
-from zeromethod.warp.grid import PADDING, NodeGrid
+from zeromethod.warp.grid import INNER, PADDING, NodeGrid
 from zeromethod.warp.validity import Flag
 
 AMBIGUOUS = int(Flag.AMBIGUOUS)
@@ -88,14 +88,13 @@ class GradientEstimator:
             d = np.where(fits, np.stack([moved_u, moved_v]) / gain, 0.0)
             sigma = np.where(fits, np.sqrt(np.maximum(variance, 0.0)) / gain, np.inf)
         amplitude = np.maximum(gain, 0.0) * self._rms * np.sqrt(2.0)
-        inner = slice(PADDING, -PADDING), slice(PADDING, -PADDING)
-        out.d[inner], out.sigma[inner] = np.moveaxis(d, 0, -1), np.moveaxis(sigma, 0, -1)
-        out.modulation[inner], out.mean[inner] = amplitude[..., None], sums[3]
+        out.d[INNER], out.sigma[INNER] = np.moveaxis(d, 0, -1), np.moveaxis(sigma, 0, -1)
+        out.modulation[INNER], out.mean[INNER] = amplitude[..., None], sums[3]
         over = clipped_pixels(image, self._ceiling, gain.shape, self._half)
         flags = flags_of(np.maximum(*sigma), amplitude, sums[3] - black, reference_light, over, self._scales)
         far = np.abs(d).max(axis=0) > self._farthest_px
         flags[far | (gain * self._mean < LEAST_MATCH * (offset - black))] |= np.uint16(AMBIGUOUS)
-        out.flags[inner] = flags
+        out.flags[INNER] = flags
 
     def _window_sums(self, image: Image) -> Single:
         """(4, rows, cols) window sums of grey x (target, its two gradients, one)."""

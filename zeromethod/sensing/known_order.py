@@ -11,7 +11,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from zeromethod.arrays import Flags, Float
-from zeromethod.warp.grid import PADDING
+from zeromethod.warp.grid import INNER
 from zeromethod.warp.validity import Flag
 
 AMBIGUOUS = int(Flag.AMBIGUOUS)
@@ -33,19 +33,17 @@ EDGES = (
 )
 """Nodes at both ends of the edges to the right and downwards: parts of arrays (..., rows, cols)."""
 
-_INNER = slice(PADDING, -PADDING), slice(PADDING, -PADDING)
-
 
 def is_near_null(d: Float, flags: Flags, period: float) -> bool:
     """Whether all nodes are within a quarter period (no edge jumps) and holes too few to cut off a region."""
-    inner, limit = flags[_INNER], period / 4
+    inner, limit = flags[INNER], period / 4
     bad = inner != 0
     # nodes covered by coded strips are whole edges of the view, which cut nothing off
     if np.count_nonzero(bad & ((inner & np.uint16(_OUTSIDE)) == 0)) > 3:
         return False
     if d.max() <= limit and d.min() >= -limit:
         return True
-    far = np.abs(d[_INNER]) > limit
+    far = np.abs(d[INNER]) > limit
     return not ((far[..., 0] | far[..., 1]) & ~bad).any()
 
 
@@ -55,7 +53,7 @@ def settle_known_order(d: Float, sigma: Float, flags: Flags, guess: Float, perio
     No edge jumps then, and order 0 is right in all regions with a guess. A few nodes may have none and not be
     joined to any that has: they become ambiguous. False, and nothing is done, for any other residual.
     """
-    d, sigma, flags, guess = d[_INNER], sigma[_INNER], flags[_INNER], guess[_INNER]
+    d, sigma, flags, guess = d[INNER], sigma[INNER], flags[INNER], guess[INNER]
     good = flags == 0
     near = (np.abs(d) < period / 4) & ~(np.abs(d - guess) >= period / 4)  # no guess is no difference
     if not (near[..., 0] & near[..., 1])[good].all():

@@ -13,13 +13,15 @@ its amplitude into the mean; the limit allows for that.
 
 from __future__ import annotations
 
+import cv2
 import numba
 import numpy as np
 
 from zeromethod.arrays import Flags, Float, Image, Ints, Mask, Single
 from zeromethod.kernels import kernel, piece, read
 from zeromethod.rig.model import Noise
-from zeromethod.warp.grid import PADDING
+from zeromethod.sensing.residual import Residual
+from zeromethod.warp.grid import INNER, PADDING
 from zeromethod.warp.validity import Flag
 
 LIGHT_LOST, OUTSIDE = int(Flag.LIGHT_LOST), int(Flag.OUTSIDE)
@@ -36,9 +38,6 @@ STEADY_BEND = 0.01
 the cause: half the bend of the mean that shows one."""
 
 
-_INNER = slice(PADDING, -PADDING), slice(PADDING, -PADDING)
-
-
 @piece
 def _bend(values: Single, r: int, c: int, k: int, way: int) -> float:
     """Second difference of component k along a row (way 0) or column (1); 0 where a neighbour is OUTSIDE."""
@@ -50,7 +49,7 @@ def _bend(values: Single, r: int, c: int, k: int, way: int) -> float:
 
 
 @piece
-def leak(modulation: Single, d: Float, flags: Flags, period: float, r: int, c: int, way: int) -> float:
+def _leak(modulation: Single, d: Float, flags: Flags, period: float, r: int, c: int, way: int) -> float:
     """Largest leak of the carrier into the mean by the local strain, grey levels.
 
     The window of the view's last node reaches two nodes further, where none is measured: strain goes straight
@@ -72,6 +71,24 @@ def leak(modulation: Single, d: Float, flags: Flags, period: float, r: int, c: i
             step = max(step, abs(3 * after + 2 * before if last else 3 * before + 2 * after))
         leaked += modulation[r, c, k] * min(step / (period / 2), LARGEST_STRAIN) ** 2
     return leaked
+
+
+@kernel(
+    read(numba.float32, 3), read(numba.float64, 3), read(numba.uint16, 2), read(numba.int64, 1),
+    read(numba.int64, 1), numba.float64, numba.int64, numba.float64[::1],
+)  # fmt: skip
+def _leaks(
+    modulation: Single, d: Float, flags: Flags, r: Ints, c: Ints, period: float, way: int, out: Float
+) -> None:
+    for n in range(len(r)):
+        out[n] = _leak(modulation, d, flags, period, r[n], c[n], way)
+
+
+def leaks(residual: Residual, period_px: float, r: Ints, c: Ints, way: int) -> Float:
+    """Largest leak (n,) of the carrier into the mean at nodes r, c along a row (way 0) or a column."""
+    out = np.empty(len(r))
+    _leaks(residual.modulation, residual.d, residual.flags, r, c, period_px, way, out)
+    return out
 
 
 def _suspects(mean: Single, black: float) -> Mask:
@@ -124,7 +141,7 @@ def _flag_edges(
                     bend = min(abs(before), abs(after))
             if bend <= LARGEST_BEND * light and slope <= LARGEST_SLOPE * light:
                 continue
-            leaked = leak(modulation, d, flags, period, r, c, way)
+            leaked = _leak(modulation, d, flags, period, r, c, way)
             if bend > LARGEST_BEND * light + 4 * leaked or slope > LARGEST_SLOPE * light + 2 * leaked:
                 flags[r, c] |= LIGHT_LOST
                 break
@@ -135,15 +152,11 @@ def flag_light_edges(
 ) -> None:
     """Add LIGHT_LOST to nodes next to an edge of the light. Arrays as in `Residual`, d still wrapped."""
     near = np.zeros(flags.shape, np.bool_)
-    near[_INNER] = _suspects(mean[_INNER], black)
+    near[INNER] = _suspects(mean[INNER], black)
     if near.any():
         # an edge at the node itself bends its neighbours alone
-        around = near.copy()
-        around[1:] |= near[:-1]
-        around[:-1] |= near[1:]
-        around[:, 1:] |= near[:, :-1]
-        around[:, :-1] |= near[:, 1:]
-        unknown = around[_INNER] & ((flags[_INNER] & np.uint16(LIGHT_LOST)) == 0)
+        around = cv2.dilate(near.view(np.uint8), cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3)))
+        unknown = around.view(np.bool_)[INNER] & ((flags[INNER] & np.uint16(LIGHT_LOST)) == 0)
         r, c = np.nonzero(unknown)
         nodes = (r + PADDING) * flags.shape[1] + c + PADDING
         _flag_edges(mean[..., None], modulation, d, nodes, black, period, flags)

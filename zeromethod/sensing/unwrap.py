@@ -29,14 +29,13 @@ from zeromethod.sensing.known_order import (
     settle_known_order,
 )
 from zeromethod.sensing.residual import Residual
-from zeromethod.warp.grid import PADDING, NodeGrid
+from zeromethod.warp.grid import INNER, PADDING, NodeGrid
 
 MOST_ORDERS = 64
 """Largest order considered, periods."""
 
 BLOCKED = 255
 Whole = NDArray[np.int32]
-_INNER = slice(PADDING, -PADDING), slice(PADDING, -PADDING)
 
 
 class Unwrapper:
@@ -62,9 +61,9 @@ class Unwrapper:
             if expected is None or not settle_known_order(*given, expected, self._period):
                 unwrap_orders(*given, expected, steps, self._period, self._border_share)
         if self._diagonal:
-            along, against = residual.d[_INNER][..., 0].copy(), residual.d[_INNER][..., 1].copy()
-            residual.d[_INNER][..., 0] = 0.5 * (along + against)
-            residual.d[_INNER][..., 1] = 0.5 * (along - against)
+            along, against = residual.d[INNER][..., 0].copy(), residual.d[INNER][..., 1].copy()
+            residual.d[INNER][..., 0] = 0.5 * (along + against)
+            residual.d[INNER][..., 1] = 0.5 * (along - against)
 
     def _to_carriers(self, guess: Float | None) -> Float | None:
         if guess is None or not self._diagonal:
@@ -86,7 +85,7 @@ def unwrap_orders(
     guess, continued: as for `Unwrapper.unwrap`, along the carriers. border_share: least share of the border's
     nodes by which a region's order is settled.
     """
-    whole_flags, flags = flags, flags[_INNER]
+    whole_flags, flags = flags, flags[INNER]
     jumps, costs = np.zeros((2, 2, *flags.shape), np.int32), np.full((2, *flags.shape), BLOCKED, np.uint8)
     steps = np.zeros((0, 0, 2)) if continued is None else continued
     _rate_edges(d, sigma, whole_flags, steps, period, jumps, costs)
@@ -109,12 +108,12 @@ def unwrap_orders(
     order += orders[:, label]
     flags |= (~determined * np.uint16(AMBIGUOUS))[label]
     _flag_disagreement(flags, jumps, costs, order)
-    d[_INNER] += period * np.moveaxis(order, 0, -1)
+    d[INNER] += period * np.moveaxis(order, 0, -1)
 
 
 def _by_component(field: Float) -> Float:
     """(2, rows, cols) of the measurable nodes of a field (rows, cols, 2) with padding."""
-    return np.ascontiguousarray(np.moveaxis(field[_INNER], -1, 0))
+    return np.ascontiguousarray(np.moveaxis(field[INNER], -1, 0))
 
 
 @kernel(

@@ -16,6 +16,7 @@ import numpy as np
 
 from zeromethod.arrays import Float, Ints, Mask
 from zeromethod.kernels import kernel, piece, read
+from zeromethod.warp.runs import runs
 
 DERIVATIVE_POINTS = 7
 INTEGRAL_POINTS = 6
@@ -68,12 +69,7 @@ def stencils(valid: Mask) -> tuple[tuple[Ints, Ints], tuple[Ints, Ints]]:
 
 def _along_rows(valid: Mask) -> tuple[Ints, Ints]:
     """Of nodes and of steps along rows, see `stencils`."""
-    cols = valid.shape[1]
-    # as one line, with a gap after every row
-    fenced = np.pad(valid, ((0, 0), (0, 1))).ravel()
-    runs = np.flatnonzero(np.diff(fenced, prepend=False)).reshape(-1, 2)
-    row, start = np.divmod(runs[:, 0], cols + 1)
-    end = start + runs[:, 1] - runs[:, 0]
+    row, start, end = runs(valid)
     i, j, first, last = _at_ends(row, start, end, DERIVATIVE_POINTS // 2)
     points = np.minimum(DERIVATIVE_POINTS, last - first)
     nodes = i, j, np.clip(j - points // 2, first, last - points), points
@@ -102,17 +98,14 @@ def _spans(near: Ints, table: Float, most: int) -> tuple[Ints, Ints, Ints, Float
     return i, j, at, table[points, j - first, :most]
 
 
-def derivatives(x: Any, y: Any, valid: Any, table: Float) -> tuple[Float, Float]:
-    """Derivatives (rows, cols) of x and y (rows, cols) along the rows, at valid nodes; else 0.
-
-    table: `derivative_table`.
-    """
-    return _derivatives(x, y, valid, _along_rows(valid)[0], table)
+def derivatives(x: Any, y: Any, valid: Any) -> tuple[Float, Float]:
+    """Derivatives (rows, cols) of x and y (rows, cols) along the rows, at valid nodes; else 0."""
+    return _derivatives(x, y, valid, _along_rows(valid)[0])
 
 
-def _derivatives(x: Float, y: Float, valid: Mask, near: Ints, table: Float) -> tuple[Float, Float]:
-    i, j, at, weights = _spans(near, table, DERIVATIVE_POINTS)
-    centred, found = table[DERIVATIVE_POINTS, DERIVATIVE_POINTS // 2][None], []
+def _derivatives(x: Float, y: Float, valid: Mask, near: Ints) -> tuple[Float, Float]:
+    i, j, at, weights = _spans(near, DERIVATIVE, DERIVATIVE_POINTS)
+    centred, found = DERIVATIVE[DERIVATIVE_POINTS, DERIVATIVE_POINTS // 2][None], []
     for field in (x, y):
         along = np.where(valid, cv2.filter2D(field, -1, centred, borderType=cv2.BORDER_CONSTANT), 0.0)
         along[i, j] = np.einsum("nk,nk->n", weights, field[i[:, None], at])
@@ -136,7 +129,7 @@ def _adjoint(weight: Float, x: Float, y: Float, valid: Mask) -> tuple[Float, Flo
     ).reshape(inside.shape)  # fmt: skip
     places: Any = (..., i[:, None], at)
     np.add.at(line, places, of_near)
-    dx, dy = _derivatives(x, y, valid, of_nodes, DERIVATIVE)
+    dx, dy = _derivatives(x, y, valid, of_nodes)
     return line * dx, line * dy
 
 

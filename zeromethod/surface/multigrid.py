@@ -34,7 +34,7 @@ EXACT = 1e-11
 _MOST_CYCLES = 300
 
 
-_fast = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=REORDERED)
+_fast = piece(fastmath=REORDERED)
 
 
 @_fast

@@ -16,7 +16,6 @@ from zeromethod.arrays import Float, Ints, Single
 from zeromethod.kernels import kernel, read
 from zeromethod.rounding import REORDERED
 from zeromethod.surface.differences import (
-    DERIVATIVE,
     INTEGRAL,
     INTEGRAL_POINTS,
     derivatives,
@@ -153,8 +152,8 @@ class NodeVariance:
         self._anchor = np.where(linear.island, anchor, 0.0)
         x, y, island = (np.ascontiguousarray(one) for one in (linear.x_mm, linear.y_mm, linear.island))
         x_turned, y_turned, turned = (np.ascontiguousarray(one.T) for one in (x, y, island))
-        of_across = derivatives(x, y, island, DERIVATIVE)
-        of_down = derivatives(x_turned, y_turned, turned, DERIVATIVE)
+        of_across = derivatives(x, y, island)
+        of_down = derivatives(x_turned, y_turned, turned)
         ways = of_across, [one.T for one in of_down]
         self._by = tuple(
             np.ascontiguousarray(np.einsum("ijca,cij->aij", factor, np.stack(way)), np.float32)

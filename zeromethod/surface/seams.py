@@ -17,6 +17,7 @@ from zeromethod.optics import Optics
 from zeromethod.surface.integrate import LinearIntegration
 from zeromethod.surface.rays import MirrorRays
 from zeromethod.warp.grid import NodeGrid
+from zeromethod.warp.runs import runs
 from zeromethod.warp.seams import SeamMap
 from zeromethod.warp.validity import Flag
 from zeromethod.warp.warp import Warp
@@ -58,13 +59,6 @@ def _polynomials(t: Float) -> tuple[Float, Float]:
     return weights[_DEGREE + 1], weights[_LOWER + 1]
 
 
-def _runs(nodes: Mask) -> tuple[Ints, Ints, Ints]:
-    """Row, first column and end (n,) of the runs of nodes (rows, cols) along rows."""
-    change = np.diff(np.pad(nodes, ((0, 0), (1, 1))).view(np.int8), axis=1)
-    row, first = np.nonzero(change == 1)
-    return row, first, np.nonzero(change == -1)[1]
-
-
 def _each(first: Ints, end: Ints) -> tuple[Ints, Ints]:
     """Number of the run, and column, of all nodes of runs, each (nodes,)."""
     run = np.repeat(np.arange(len(first)), end - first)
@@ -77,7 +71,7 @@ def _gaps(good: Mask, seam: Mask) -> tuple[Ints, Ints, Ints]:
 
     A seam that opens is wider than a window says: nodes next to it that were not measured are its own.
     """
-    row, first, end = _runs(seam)
+    row, first, end = runs(seam)
     column, cols = np.arange(seam.shape[1]), seam.shape[1]
     dark_from = np.maximum.accumulate(np.where(good, column + 1, 0), axis=1)
     dark_to = np.minimum.accumulate(np.where(good, column, cols)[:, ::-1], axis=1)[:, ::-1]
@@ -116,7 +110,7 @@ def _carry(x: Float, slope: Float, good: Mask, seam: Mask) -> tuple[Float, Float
 def _spread(x: Float, seam: Mask) -> Float:
     """What spreads points at seams evenly between those next to the seam (rows, cols), mm."""
     out = np.zeros(x.shape)
-    row, first, end = _runs(seam)
+    row, first, end = runs(seam)
     inside = (first > 1) & (end < seam.shape[1] - 1)
     row, first, end = row[inside], first[inside], end[inside]
     step = 0.5 * (x[row, first - 1] - x[row, first - 2] + x[row, end + 1] - x[row, end])

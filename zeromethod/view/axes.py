@@ -21,7 +21,7 @@ from zeromethod.arrays import Float
 from zeromethod.atomic_write import atomic_write
 from zeromethod.fine.surface import FineSurface
 from zeromethod.surface import Surface
-from zeromethod.warp.grid import PADDING
+from zeromethod.warp.grid import INNER
 
 _FEW_DECADES = 3.0
 _PICTURE_COLS = 300
@@ -80,13 +80,12 @@ def colour_bar(axis: Axes, shown: Any, unit: str, **more: Any) -> None:
 
 def over_mirror(axis: Axes, surface: Surface, values: Float, **look: Any) -> QuadMesh:
     """Values (rows, cols) as cells at their nodes' places on the mirror, mm; NaN and padding are left out."""
-    inner = (slice(PADDING, -PADDING),) * 2
     axis.set_aspect("equal")
     with warnings.catch_warnings():
         # cells that are not drawn may lie across their neighbours
         warnings.filterwarnings("ignore", message="The input coordinates to pcolormesh")
-        x_mm, y_mm = surface.x_mm[inner], surface.y_mm[inner]
-        return axis.pcolormesh(x_mm, y_mm, values[inner], shading="nearest", **look)
+        x_mm, y_mm = surface.x_mm[INNER], surface.y_mm[INNER]
+        return axis.pcolormesh(x_mm, y_mm, values[INNER], shading="nearest", **look)
 
 
 def pixels_over_mirror(axis: Axes, surface: FineSurface, values: Float, **look: Any) -> QuadMesh:

@@ -16,6 +16,8 @@ T = TypeVar("T", bound=np.generic)
 
 PADDING = 4
 """Nodes outside the measurable ones on every side, so that the picture covers the whole view."""
+INNER = slice(PADDING, -PADDING), slice(PADDING, -PADDING)
+"""The measurable nodes, (rows, cols)."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +83,7 @@ class NodeGrid:
     @property
     def inner(self) -> tuple[slice, slice]:
         """Slices of the measurable nodes."""
-        return slice(PADDING, -PADDING), slice(PADDING, -PADDING)
+        return INNER
 
     @property
     def measurable(self) -> Mask:

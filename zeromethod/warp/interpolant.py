@@ -58,7 +58,7 @@ def window_matched(q: Float, out: Single) -> None:
     out[..., :2] = total
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
+@piece(fastmath={"contract"}, inline="always")
 def sample_pair(field: Float, col: float, row: float) -> tuple[float, float]:
     """Both components of `field` (rows, cols, 2) at a node position; NaN outside [1, n - 2] or at NaN."""
     rows, cols = field.shape[0], field.shape[1]

@@ -13,6 +13,7 @@ from zeromethod.optics import Lost, Optics
 from zeromethod.optics.bench import sensitivity_of_rays
 from zeromethod.optics.saw_rays import seams
 from zeromethod.warp.grid import NodeGrid
+from zeromethod.warp.runs import runs
 
 _SLACK_PX = 2.0
 """By how much seams may be off where the rig file has them: 0.05 mm of rubber make 1.8 px."""
@@ -28,9 +29,7 @@ def gaps(valid: Mask, seams: Ints) -> tuple[Ints, Ints, Ints, Ints]:
     valid, seams: (rows, cols), seams by number, 0 for none. Result: (n,) row, first column, that after the
     last, and seam of each; the one of the largest number where there are several.
     """
-    turns = np.diff(~valid, axis=1, prepend=False, append=False)
-    row, column = np.nonzero(turns)
-    row, first, end = row[::2], column[::2], column[1::2]
+    row, first, end = runs(~valid)
     starts = row * valid.shape[1]
     within = np.stack([starts + first, starts + end], axis=-1).ravel()
     seam = np.maximum.reduceat(np.append(seams.ravel(), 0), within)[::2]
